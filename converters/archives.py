@@ -1,10 +1,11 @@
-"""Reduced models, and moduli fitted with them, as .npz: arrays by name, and ``meta``."""
+"""Reduced models, moduli and springs fitted to motions, as .npz: arrays by name, and ``meta``."""
 
 from __future__ import annotations
 
 import json
 import os
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import fields
 from typing import Any
 
@@ -17,18 +18,16 @@ from ..fem.solve.schemes import Scheme
 from ..fem.springs.fit import SpringFit
 from .files import load_npz, reading, save_npz
 
-VERSION = 1
-# Of models: the second has the nodes of quadratic elements too.
-MODEL_VERSION = 2
-# Of fits: the second has a soft and a stiff end.
-FIT_VERSION = 2
-KIND = "ReducedModel"
+# By kind: of models the second has the nodes of quadratic elements too, of fits a soft and a stiff
+# end.
+VERSIONS = {"ReducedModel": 2, "MotionFit": 2, "SpringFit": 3}
 UNITS = {
     "points": "m", "mass": "kg", "basis": "kg^-1/2", "weights": "m^3",
     "gradients": "m^-1 kg^-1/2", "E": "Pa", "nu": "1", "springs": "s^-2",
 }  # fmt: skip
 _NUMBERS = ("scale", "nu", "error", "unfitted_error", "outside", "frequency_ratio", "runs")
 _ARRAYS = [field.name for field in fields(ReducedModel) if "ndarray" in str(field.type)]
+_SPRING_NUMBERS = [field.name for field in fields(SpringFit)]
 
 
 def save_reduced(path: str | os.PathLike, model: ReducedModel) -> None:
@@ -62,16 +61,15 @@ def save_reduced(path: str | os.PathLike, model: ReducedModel) -> None:
     >>> round(float(load_reduced("bar.npz").mass.sum()), 9)  # kg: rho V
     4.0
     """
-    meta = {
-        "kind": KIND,
-        "version": MODEL_VERSION,
-        "units": UNITS,
-        "subspace": model.kind.value,
-        "region_names": model.region_names,
-        "accuracy": model.accuracy._asdict(),
-    }
-    arrays = {name: getattr(model, name) for name in _ARRAYS}
-    save_npz(path, **arrays, meta=np.array(json.dumps(meta)))
+    _save(
+        path,
+        "ReducedModel",
+        {name: getattr(model, name) for name in _ARRAYS},
+        units=UNITS,
+        subspace=model.kind.value,
+        region_names=model.region_names,
+        accuracy=model.accuracy._asdict(),
+    )
 
 
 def load_reduced(path: str | os.PathLike) -> ReducedModel:
@@ -103,21 +101,14 @@ def load_reduced(path: str | os.PathLike) -> ReducedModel:
     >>> round(float(load_reduced("bar.npz").mass.sum()), 9)  # kg: rho V
     4.0
     """
-    arrays = load_npz(path)
-    with reading(path, "a reduced model saved by this package") as source:
-        meta = json.loads(str(arrays.pop("meta", "{}")))
-        if meta.get("kind") != KIND:
-            raise InputError(f"{source} holds {meta.get('kind', 'no meta')!r}, wanted a {KIND}")
-        if meta["version"] != MODEL_VERSION:
-            raise InputError(f"{source} has version {meta['version']}, wanted {MODEL_VERSION}")
+    with _loaded(path, "ReducedModel", "a reduced model saved by this package") as (arrays, meta):
         if missing := set(_ARRAYS) - set(arrays):
-            raise InputError(f"{source} has no {', '.join(sorted(missing))}")
-        held: dict[str, Any] = {name: arrays[name] for name in _ARRAYS}
+            raise InputError(f"{path} has no {', '.join(sorted(missing))}")
         return ReducedModel(
             kind=Subspace(meta["subspace"]),
             region_names=tuple(meta["region_names"]),
             accuracy=Accuracy(**meta["accuracy"]),
-            **held,
+            **{name: arrays[name] for name in _ARRAYS},
         ).checked()
 
 
@@ -125,48 +116,50 @@ def save_fits(path: str | os.PathLike, fits: Sequence[MotionFit]) -> None:
     """Save moduli fitted to a motion, or to a soft and a stiff one; nu not fitted is no number."""
     numbers = {n: np.array([getattr(f, n) for f in fits], dtype=float) for n in _NUMBERS}
     numbers["covariance"] = np.stack([fit.covariance for fit in fits])
-    schemes = [fit.scheme.name for fit in fits]
-    meta = {"kind": "MotionFit", "version": FIT_VERSION, "schemes": schemes}
-    save_npz(path, **numbers, meta=np.array(json.dumps(meta)))
+    _save(path, "MotionFit", numbers, schemes=[fit.scheme.name for fit in fits])
 
 
 def load_fits(path: str | os.PathLike) -> tuple[MotionFit, ...]:
     """Load what ``save_fits`` wrote, the soft end first; ``InputError`` if it is another file."""
-    arrays = load_npz(path)
-    with reading(path, "parameters that `match` saved") as source:
-        meta = json.loads(str(arrays.pop("meta", "{}")))
-        if meta.get("kind") != "MotionFit" or meta["version"] != FIT_VERSION:
-            raise InputError(f"{source} holds {meta.get('kind', 'no meta')!r}, wanted a MotionFit")
+    with _loaded(path, "MotionFit", "parameters that `match` saved") as (arrays, meta):
         fits = []
         for end, scheme in enumerate(meta["schemes"]):
             numbers = {name: float(arrays[name][end]) for name in _NUMBERS}
             nu, runs = numbers.pop("nu"), int(numbers.pop("runs"))
-            known = {"runs": runs, "nu": None if np.isnan(nu) else nu, "scheme": Scheme[scheme]}
-            fits.append(MotionFit(**numbers, **known, covariance=arrays["covariance"][end]))
+            others = {"runs": runs, "nu": None if np.isnan(nu) else nu, "scheme": Scheme[scheme]}
+            fits.append(MotionFit(**numbers, **others, covariance=arrays["covariance"][end]))
         return tuple(fits)
-
-
-# Springs fitted to a motion, as .npz: numbers by name, and ``meta``.
-
-SPRINGS, SPRINGS_VERSION = "SpringFit", 3
-_SPRING_NUMBERS = [field.name for field in fields(SpringFit)]
 
 
 def save_springs(path: str | os.PathLike, fit: SpringFit) -> None:
     """Save ``fit``; ``load_springs`` gives it back exactly."""
-    numbers = {name: np.array(getattr(fit, name)) for name in _SPRING_NUMBERS}
-    save_npz(
-        path,
-        **numbers,
-        meta=np.array(json.dumps({"kind": SPRINGS, "version": SPRINGS_VERSION})),
-    )
+    _save(path, "SpringFit", {name: np.array(getattr(fit, name)) for name in _SPRING_NUMBERS})
 
 
 def load_springs(path: str | os.PathLike) -> SpringFit:
     """Load what ``save_springs`` wrote; ``InputError`` if it is something else."""
-    arrays = load_npz(path)
-    with reading(path, "parameters that `match --solver spring` saved") as source:
-        meta = json.loads(str(arrays.pop("meta", "{}")))
-        if meta.get("kind") != SPRINGS or meta["version"] != SPRINGS_VERSION:
-            raise InputError(f"{source} holds {meta.get('kind', 'no meta')!r}, wanted a {SPRINGS}")
+    wanted = "parameters that `match --solver spring` saved"
+    with _loaded(path, "SpringFit", wanted) as (arrays, _):
         return SpringFit(**{name: arrays[name].item() for name in _SPRING_NUMBERS})
+
+
+def _save(
+    path: str | os.PathLike, kind: str, arrays: Mapping[str, np.ndarray], **meta: Any
+) -> None:
+    meta = {"kind": kind, "version": VERSIONS[kind], **meta}
+    save_npz(path, **arrays, meta=np.array(json.dumps(meta)))
+
+
+@contextmanager
+def _loaded(
+    path: str | os.PathLike, kind: str, wanted: str
+) -> Iterator[tuple[dict[str, Any], dict[str, Any]]]:
+    """Arrays and ``meta`` of an archive of a kind, for a block that takes them apart."""
+    arrays = load_npz(path)
+    with reading(path, wanted) as source:
+        meta = json.loads(str(arrays.pop("meta", "{}")))
+        if meta.get("kind") != kind:
+            raise InputError(f"{source} holds {meta.get('kind', 'no meta')!r}, wanted a {kind}")
+        if meta["version"] != VERSIONS[kind]:
+            raise InputError(f"{source} has version {meta['version']}, wanted {VERSIONS[kind]}")
+        yield arrays, meta

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,7 +16,7 @@ from . import files as npz
 from .files import writing
 from .grids import DensityGrid, density_losses, read_density, write_density
 from .points.gaussians import gaussians
-from .points.table import PointTable, point_losses, read_points, write_points
+from .points.table import point_losses, read_points, write_points
 from .registry import GRID_FORMATS, POINT_FORMATS, Keeps, format_of
 from .transfer import field_from_tets
 
@@ -86,7 +85,41 @@ def append_material(
             tuple(files), int(full.sum()), sample.n_fallback, sample.max_fallback_distance,
             lost=density_losses(out_path, written),
         )  # fmt: skip
-    return _onto_points(field, target_path, out_path)
+    roomless = format_of(out_path, POINT_FORMATS).write is None
+    if roomless and target_path.suffix.lower() != out_path.suffix.lower():
+        raise InputError(f"{out_path}: {target_path.suffix} is not converted to {out_path.suffix}")
+    table = read_points(target_path)
+    positions = table.positions
+    valid = np.asarray(np.isfinite(positions).all(axis=1))
+    sample = sample_field(field, positions[valid])
+    columns = {}  # NaN or -1 where a point is not valid
+    real = "f4" if table.is_splat else "f8"
+    for name, values in sample_columns(field, sample, real=real).items():
+        empty = -1 if values.dtype.kind == "i" else np.nan
+        columns[name] = np.full(len(valid), empty, dtype=values.dtype)
+        columns[name][valid] = values
+    # One line of ASCII that says what the columns mean
+    names = {"part": field.part_names, "material": field.material_names}
+    remark = json.dumps({**_UNITS, **{key: value for key, value in names.items() if value}})
+    files, lost = [out_path], []
+    if roomless:
+        files.append(out_path.with_suffix(".npz"))
+        npz.save_npz(files[1], **columns, comments=np.array(remark))
+        with writing(out_path) as copy:
+            copy.write_bytes(target_path.read_bytes())
+    else:
+        table = table.with_columns(columns, comment=remark)
+        write_points(out_path, table)
+        for item in point_losses(out_path, table):
+            lost += table.others.names if item is Keeps.OTHERS and table.others else [item]
+    volume = mass = None
+    if table.is_splat:
+        volumes = gaussians(table).volumes[valid]
+        volume, mass = float(volumes.sum()), float(volumes @ sample.rho)
+    return Transferred(
+        tuple(files), len(table), sample.n_fallback, sample.max_fallback_distance,
+        int((~valid).sum()), volume, mass, tuple(lost),
+    )  # fmt: skip
 
 
 def is_density(path: Path) -> bool:
@@ -109,58 +142,3 @@ def sample_columns(field: MaterialField, sample: FieldSample, *, real: str) -> d
         if getattr(sample, name) is not None:
             columns[name] = getattr(sample, name).astype(np.int32)
     return columns
-
-
-def _remark(field: MaterialField) -> str:
-    """One line of ASCII that says what the columns mean."""
-    names = {"part": field.part_names, "material": field.material_names}
-    return json.dumps({**_UNITS, **{key: value for key, value in names.items() if value}})
-
-
-def _onto_points(field: MaterialField, target_path: Path, out_path: Path) -> Transferred:
-    same_suffix = target_path.suffix.lower() == out_path.suffix.lower()
-    roomless = format_of(out_path, POINT_FORMATS).write is None
-    if roomless and not same_suffix:
-        raise InputError(f"{out_path}: {target_path.suffix} is not converted to {out_path.suffix}")
-    table = read_points(target_path)
-    positions = table.positions
-    valid = np.asarray(np.isfinite(positions).all(axis=1))
-    sample = sample_field(field, positions[valid])
-    real = "f4" if table.is_splat else "f8"
-    columns = {name: _spread(v, valid) for name, v in
-               sample_columns(field, sample, real=real).items()}  # fmt: skip
-    files = [out_path]
-    if roomless:
-        files.append(out_path.with_suffix(".npz"))
-        npz.save_npz(files[1], **columns, comments=np.array(_remark(field)))
-        with writing(out_path) as copy:
-            copy.write_bytes(target_path.read_bytes())
-    else:
-        table = table.with_columns(columns, comment=_remark(field))
-        write_points(out_path, table)
-    volume = mass = None
-    if table.is_splat:
-        volumes = gaussians(table).volumes[valid]
-        volume, mass = float(volumes.sum()), float(volumes @ sample.rho)
-    return Transferred(
-        tuple(files), len(table), sample.n_fallback, sample.max_fallback_distance,
-        int((~valid).sum()), volume, mass, () if roomless else tuple(_left_out(out_path, table)),
-    )  # fmt: skip
-
-
-def _left_out(path: Path, table: PointTable) -> Iterator[str]:
-    """What a file of the table does not keep, in words."""
-    for item in point_losses(path, table):
-        if item is Keeps.OTHERS and table.others is not None:
-            yield from table.others.names
-        else:
-            yield item
-
-
-def _spread(values: np.ndarray, valid: np.ndarray) -> np.ndarray:
-    """Values on all points; NaN or -1 where a point is not valid."""
-    if valid.all():
-        return values
-    result = np.full(len(valid), -1 if values.dtype.kind == "i" else np.nan, dtype=values.dtype)
-    result[valid] = values
-    return result

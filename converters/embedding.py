@@ -92,30 +92,28 @@ class Driven:
         That is a displacement (points, 3) [m] of the mesh points, or the number of a frame of the
         particles.
         """
+        found, normals = self.embedding, None
         splats = _Splats(self.table, self.valid) if self.table.is_splat else None
+        if all(name in self.table.columns for name in NORMALS):
+            normals = np.stack([self.table.columns[name] for name in NORMALS], axis=1)
+            normals = normals.astype(float)[self.valid] if normals.any() else None
         for displacement in displacements:
-            found = self.embedding
             positions = found.positions(displacement) / self.scale
             moved = dict(zip(XYZ, positions.T, strict=True))
-            normals = self._normals()
             if splats is not None or normals is not None:
                 rotation, stretch = polar(found.gradients(displacement))
                 if splats is not None:
                     moved |= splats.moved(rotation, stretch, found.of_point)
-                if normals is not None:
-                    moved |= _turned_normals(
-                        normals, rotation[found.of_point], stretch[found.of_point]
-                    )
+                if normals is not None:  # F^-T n under F = R U, each at its length
+                    across = np.linalg.solve(stretch[found.of_point], normals[:, :, None])
+                    turned = (rotation[found.of_point] @ across)[:, :, 0]
+                    length = np.linalg.norm(turned, axis=1, keepdims=True)
+                    size = np.linalg.norm(normals, axis=1, keepdims=True)
+                    turned = turned * size / np.where(length > 0, length, 1)
+                    moved |= dict(zip(NORMALS, turned.T, strict=True))
             yield self.table.with_columns(
                 {name: self._spread(name, v) for name, v in moved.items()}
             )
-
-    def _normals(self) -> np.ndarray | None:
-        """Normals of the valid points, where there are any."""
-        if not all(name in self.table.columns for name in NORMALS):
-            return None
-        found = np.stack([self.table.columns[name] for name in NORMALS], axis=1).astype(float)
-        return found[self.valid] if found.any() else None
 
     def _spread(self, name: str, values: np.ndarray) -> np.ndarray:
         """New values in the type of the column; invalid points keep the old ones."""
@@ -125,17 +123,6 @@ class Driven:
         new = old.copy()
         new[self.valid] = values
         return new
-
-
-def _turned_normals(
-    normals: np.ndarray, rotation: np.ndarray, stretch: np.ndarray
-) -> dict[str, np.ndarray]:
-    """Columns of normals under F = R U: F^-T n, each at its length."""
-    across = np.linalg.solve(stretch, normals[:, :, None])
-    wanted = (rotation @ across)[:, :, 0]
-    length = np.linalg.norm(wanted, axis=1, keepdims=True)
-    size = np.linalg.norm(normals, axis=1, keepdims=True)
-    return dict(zip(NORMALS, (wanted * size / np.where(length > 0, length, 1)).T, strict=True))
 
 
 @dataclass(frozen=True, eq=False)
@@ -214,8 +201,6 @@ class _Splats:
         return columns
 
 
-# Points embedded in a tetrahedral mesh: barycentric weights that carry its motion to them.
-
 # A point counts as inside down to this barycentric coordinate: on a face it belongs to either tet.
 ON_FACE = -1e-9
 # Pairs of point and tet that are tested at a time: 30 MB.
@@ -293,8 +278,15 @@ def embed(mesh: TetMesh, positions: Float[np.ndarray, "n 3"]) -> Embedding:
         tet[points[found]], weights[points[found]] = tets[found], all_four[found]
     outside, distance = tet < 0, np.zeros(len(positions))
     if outside.any():
-        nearest, away = _nearest(mesh, positions[outside])
-        tet[outside], distance[outside] = nearest, away
+        import igl
+
+        # The tet behind the nearest boundary face
+        where, faces = np.ascontiguousarray(positions[outside]), mesh.boundary.faces
+        squared, face = igl.point_mesh_squared_distance(where, mesh.points, faces.astype(np.int64))[
+            :2
+        ]
+        nearest = mesh.boundary.tet[np.asarray(face)]
+        tet[outside], distance[outside] = nearest, np.sqrt(np.asarray(squared))
         three = np.einsum("nij,nj->ni", inverse[nearest], positions[outside] - start[nearest])
         weights[outside] = np.column_stack([1 - three.sum(axis=1), three])
     return Embedding(mesh, tet, weights, outside, distance)
@@ -314,44 +306,26 @@ def _candidates(
     first = np.floor((low - ON_CELL * size - origin) / size).astype(np.int64)
     last = np.floor((high + ON_CELL * size - origin) / size).astype(np.int64)
     shape = last.max(axis=0) + 1
-    tets, cells = _cells_of_boxes(first, last - first + 1, shape)
+    extent = last - first + 1
+    tets, rank = unrolled(extent.prod(axis=1))
+    wide, deep = extent[tets, 2], extent[tets, 1]
+    local = np.stack([rank // (wide * deep), rank // wide % deep, rank % wide], axis=1)
+    cells = np.asarray(np.ravel_multi_index(tuple((first[tets] + local).T), tuple(shape)))
     order = np.argsort(cells, kind="stable")
     tets, cells = tets[order], cells[order]
     at = np.floor((positions - origin) / size).astype(np.int64)
     near = np.flatnonzero(((at >= 0) & (at < shape)).all(axis=1))
-    keys = _cell(at[near], shape)
-    begin, end = np.searchsorted(cells, keys), np.searchsorted(cells, keys, side="right")
-    counts = end - begin
+    keys = np.asarray(np.ravel_multi_index(tuple(at[near].T), tuple(shape)))
+    begin = np.searchsorted(cells, keys)
+    counts = np.searchsorted(cells, keys, side="right") - begin
     ends = np.cumsum(counts)
     cuts = np.searchsorted(ends, np.arange(CHUNK, ends[-1] + CHUNK, CHUNK)) if len(ends) else []
     for a, b in zip([0, *cuts], [*cuts, len(near)], strict=True):
-        repeats = counts[a:b]
-        starts = np.repeat(begin[a:b] - np.cumsum(repeats) + repeats, repeats)
-        yield np.repeat(near[a:b], repeats), tets[starts + np.arange(len(starts))]
+        key, place = unrolled(counts[a:b])
+        yield near[a:b][key], tets[begin[a:b][key] + place]
 
 
-def _cells_of_boxes(
-    first: np.ndarray, extent: np.ndarray, shape: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Ids of tets and of the cells that their boxes touch, in pairs."""
-    counts = extent.prod(axis=1)
-    owner = np.repeat(np.arange(len(first)), counts)
-    rank = np.arange(len(owner)) - np.repeat(np.cumsum(counts) - counts, counts)
-    wide, deep = extent[owner, 2], extent[owner, 1]
-    local = np.stack([rank // (wide * deep), rank // wide % deep, rank % wide], axis=1)
-    return owner, _cell(first[owner] + local, shape)
-
-
-def _cell(place: Int[np.ndarray, "n 3"], shape: Int[np.ndarray, "3"]) -> Int[np.ndarray, "n"]:
-    """Number of a cell of a grid."""
-    return (place[:, 0] * shape[1] + place[:, 1]) * shape[2] + place[:, 2]
-
-
-def _nearest(mesh: TetMesh, positions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Tet behind the nearest boundary face of every position, and the distance [m]."""
-    import igl
-
-    boundary = mesh.boundary
-    given = np.ascontiguousarray(positions), mesh.points, boundary.faces.astype(np.int64)
-    squared, face = map(np.asarray, igl.point_mesh_squared_distance(*given)[:2])
-    return boundary.tet[face], np.sqrt(squared)
+def unrolled(counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """For counts 2, 0, 3 the owners 0 0 2 2 2 and the places within them 0 1 0 1 2."""
+    owner = np.repeat(np.arange(len(counts)), counts)
+    return owner, np.arange(len(owner)) - np.repeat(np.cumsum(counts) - counts, counts)

@@ -248,7 +248,23 @@ def save_npz(path: str | os.PathLike, **arrays: np.ndarray) -> None:
 
 def save(path: str | os.PathLike, value: MaterialField | TetMesh) -> None:
     """Save a material field or a tet mesh; ``load`` gives it back exactly, a grain to round-off."""
-    arrays, meta = _from_field(value) if isinstance(value, MaterialField) else _from_mesh(value)
+    if isinstance(value, MaterialField):
+        arrays = {"origin": value.grid.lo, "spacing": np.array(value.grid.h)}
+        for name in ("occupied", "E", "nu", "rho", "part", "material"):
+            if (array := getattr(value, name)) is not None:
+                arrays[name] = array
+        if value.ranges is not None:
+            arrays |= {f"range_{name}": array for name, array in value.ranges._asdict().items()}
+        meta = {
+            "bounds": np.stack([value.grid.lo, value.grid.hi]).tolist(),
+            "alpha": value.alpha,
+            "part_names": value.part_names,
+            "material_names": value.material_names,
+        }
+    else:
+        arrays = {"points": value.points, "tets": value.tets, "region": value.region}
+        arrays |= material_arrays(value.material)
+        meta = {"region_names": value.region_names, "bounds": value.bounds.tolist()}
     meta |= {"version": VERSION, "units": {n: u for n, u in UNITS.items() if n in arrays}}
     save_npz(path, **arrays, meta=np.array(json.dumps({"kind": type(value).__name__} | meta)))
 
@@ -265,48 +281,24 @@ def load(path: str | os.PathLike) -> MaterialField | TetMesh:
             raise InputError(f"{source} has version {version}, this package reads {VERSION}")
         if kind not in ("MaterialField", "TetMesh"):
             raise InputError(f"{source} holds a {kind!r}, wanted a MaterialField or a TetMesh")
-        return (
-            _to_field(arrays, meta)
-            if kind == "MaterialField"
-            else TetMesh(
+        if kind == "TetMesh":
+            return TetMesh(
                 arrays["points"],
                 arrays["tets"],
                 arrays["region"],
                 region_names=tuple(meta["region_names"]),
                 material=material_from(arrays),
             )
+        ranges = None
+        if "range_E" in arrays:
+            ranges = Ranges(*(arrays[f"range_{name}"] for name in Ranges._fields))
+        shape: tuple[int, int, int] = arrays["occupied"].shape
+        names = {field.name for field in fields(MaterialField)}
+        return MaterialField(
+            grid=Grid(arrays["origin"], float(arrays["spacing"]), shape),
+            ranges=ranges,
+            alpha=meta["alpha"],
+            part_names=tuple(meta["part_names"]),
+            material_names=tuple(meta["material_names"]),
+            **{name: array for name, array in arrays.items() if name in names},
         )
-
-
-def _from_field(value: MaterialField) -> tuple[dict[str, np.ndarray], dict]:
-    arrays = {"origin": value.grid.lo, "spacing": np.array(value.grid.h)}
-    for name in ("occupied", "E", "nu", "rho", "part", "material"):
-        if (array := getattr(value, name)) is not None:
-            arrays[name] = array
-    if value.ranges is not None:
-        arrays |= {f"range_{name}": array for name, array in value.ranges._asdict().items()}
-    bounds = np.stack([value.grid.lo, value.grid.hi]).tolist()
-    names = {"part_names": value.part_names, "material_names": value.material_names}
-    return arrays, {"bounds": bounds, "alpha": value.alpha, **names}
-
-
-def _to_field(arrays: dict[str, np.ndarray], meta: dict) -> MaterialField:
-    shape: tuple[int, int, int] = arrays["occupied"].shape
-    ranges = None
-    if "range_E" in arrays:
-        ranges = Ranges(*(arrays[f"range_{name}"] for name in Ranges._fields))
-    known = {field.name for field in fields(MaterialField)}
-    return MaterialField(
-        grid=Grid(arrays["origin"], float(arrays["spacing"]), shape),
-        ranges=ranges,
-        alpha=meta["alpha"],
-        part_names=tuple(meta["part_names"]),
-        material_names=tuple(meta["material_names"]),
-        **{name: array for name, array in arrays.items() if name in known},
-    )
-
-
-def _from_mesh(value: TetMesh) -> tuple[dict[str, np.ndarray], dict]:
-    arrays = {"points": value.points, "tets": value.tets, "region": value.region}
-    arrays |= material_arrays(value.material)
-    return arrays, {"region_names": value.region_names, "bounds": value.bounds.tolist()}

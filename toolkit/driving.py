@@ -14,7 +14,7 @@ from ..fem.mesh import TetMesh
 from ..fem.solve.result import ParticleRun
 from ..predictors.asset import UpAxis
 from .asset.document import Sidecar, check_folder, mesh_suffixes
-from .asset.textures import References
+from .asset.formats import References
 
 if TYPE_CHECKING:
     from ..converters.embedding import Driven

@@ -7,14 +7,14 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 import tyro
 from jaxtyping import Float
 
 from ..fem.errors import UsageError
-from ..fem.mesh import TetMesh, boundary_faces, face_areas
+from ..fem.mesh import TetMesh, boundary_faces
 from ..fem.table import (
     Material,
     MaterialTable,
@@ -37,15 +37,12 @@ from ..predictors.construction import (
 )
 from ..predictors.field import MaterialField
 from ..predictors.prediction import GUESS, PartChoice, Prediction
-from ..predictors.text.clauses import GENERAL, Bound, BoundPart, Clause
+from ..predictors.text.clauses import GENERAL, Bound
 from ..predictors.text.numerals import Quantity, wall_said
 from .asset.document import Sidecar
 from .asset.repair import repair
-from .asset.solids import SAMPLES, Shell, hull_share, inner_surface, wall_share
+from .asset.solids import Shell, hull_share, inner_surface, wall_share
 from .options import ConvertOptions, Repeated, pairs
-
-if TYPE_CHECKING:
-    pass
 
 
 def with_stated_walls(
@@ -146,21 +143,19 @@ class WallOptions:
 
     def by_part(self) -> dict[str, float | None]:
         """Return the walls [m] of single parts, None for solid ones."""
-        walls = pairs(self.part_wall).items()
-        return {name: None if said == "solid" else _metres(said) for name, said in walls}
+        walls: dict[str, float | None] = {}
+        for name, value in pairs(self.part_wall).items():
+            try:
+                walls[name] = None if value == "solid" else float(value)
+            except ValueError as error:
+                raise UsageError(
+                    f"wanted a wall in metres, NAME=0.003, or NAME=solid, got {value!r}"
+                ) from error
+        return walls
 
     def fillings(self) -> dict[str, str]:
         """Return the material that each part is full of; ``EVERY`` stands for all."""
         return pairs([said if "=" in said else f"{EVERY}={said}" for said in self.fill])
-
-
-def _metres(value: str) -> float:
-    try:
-        return float(value)
-    except ValueError as error:
-        raise UsageError(
-            f"wanted a wall in metres, NAME=0.003, or NAME=solid, got {value!r}"
-        ) from error
 
 
 # What the parts of a mesh are called, and what a text says that they are and hold.
@@ -210,12 +205,20 @@ class Called:
     def of(cls, mesh: TetMesh, sidecar: Sidecar, bound: Bound, table: MaterialTable) -> Called:
         """Gather the words for the regions of a mesh, of which so much is said."""
         main = main_parts(mesh.region_volumes())
+        held = []  # what the first clause that fills a part says is in it
+        for part in bound.parts:
+            found = (
+                Held(material_inside(name, table), how not in GENERAL)
+                for k, how in zip(part.clauses, part.how, strict=True)
+                if (name := bound.sentence.clauses[k].filling)
+            )
+            held.append(next(found, None))
         return cls(
             labels=sidecar.labels_of(mesh.region_names),
             main=main,
             object_name=sidecar.source.get("name") or "",
             thing=bound.sentence.thing,
-            held=tuple(_held(part, bound.sentence.clauses, table) for part in bound.parts),
+            held=tuple(held),
             walls=walls_said(mesh.region_names, main, bound),
         )
 
@@ -250,16 +253,6 @@ class Called:
         held = self.held[part]
         says = held and (held.own or self.main[part] or not any(self.main))
         return held.material.name if held and says else ""
-
-
-def _held(part: BoundPart, clauses: Sequence[Clause], table: MaterialTable) -> Held | None:
-    """What the first clause that fills a part says is in it."""
-    found = (
-        Held(material_inside(name, table), how not in GENERAL)
-        for k, how in zip(part.clauses, part.how, strict=True)
-        if (name := clauses[k].filling)
-    )
-    return next(found, None)
 
 
 def walls_said(
@@ -315,28 +308,17 @@ def with_rooms(asset: Asset, options: WallOptions, *, thinnest: float) -> Filled
         surface, _ = repair((part,))
         shell = Shell(surface.points, surface.faces, surface.part)
         (points, faces), kept = inner_surface(shell, wall)
-        room = Trimesh(points, faces[kept], process=False) if kept.any() else None
-        if room is None:
+        if not kept.any():
             continue
         if part.name + SUFFIX in asset.part_names:
             raise UsageError(
                 f"what {part.name!r} is filled with would be a part {part.name + SUFFIX!r}, which "
                 f"the asset has: --fill only the others, NAME=MATERIAL, or rename that part"
             )
+        room = Trimesh(points, faces[kept], process=False)
         rooms.append(Part(part.name + SUFFIX, room))
         contents[part.name + SUFFIX] = filling
     return FilledAsset(replace(asset, parts=(*asset.parts, *rooms)), contents)
-
-
-def with_fillings(found: Prediction, contents: Mapping[str, Material]) -> Prediction:
-    """Give the parts that are contents their materials, whatever words say of them."""
-    alpha = 0.5 if found.field.alpha is None else found.field.alpha
-    chosen = {
-        number: PartChoice(name, contents[name], contents[name].value(alpha), 1.0, alpha, "--fill")
-        for number, name in enumerate(found.parts.part_names)
-        if name in contents
-    }
-    return found.with_choices(chosen) if chosen else found
 
 
 # Walls that no element shows: parts of a mesh that are hollow get the apparent material for it.
@@ -357,19 +339,6 @@ class Body:
     def smallest_side(self) -> float:
         """Smallest side [m] of its box, along its axes."""
         return float(np.ptp(self.points, axis=0).min())
-
-    @cached_property
-    def area(self) -> float:
-        """Area [m^2] of its outside."""
-        return float(face_areas(self.points, self.faces).sum())
-
-    def share(self, wall: float, *, samples: int = SAMPLES) -> WallShare:
-        """Share of a wall [m] in its volume and in its bending."""
-        return wall_share(self.points, self.faces, wall, samples=samples)
-
-    def hull_share(self) -> float:
-        """Its volume by that of its convex hull [1]."""
-        return hull_share(self.points, self.faces)
 
 
 def bodies_of(mesh: TetMesh) -> list[Body]:
@@ -491,8 +460,14 @@ class Walls:
         return cls(options, *inside)
 
     def filled(self, found: Prediction) -> Prediction:
-        """Return the same with the materials of the parts that are what walls hold."""
-        return with_fillings(found, self.contents)
+        """Give the parts that are contents their materials, whatever words say of them."""
+        alpha, inside = 0.5 if found.field.alpha is None else found.field.alpha, self.contents
+        chosen = {
+            number: PartChoice(name, inside[name], inside[name].value(alpha), 1.0, alpha, "--fill")
+            for number, name in enumerate(found.parts.part_names)
+            if name in inside
+        }
+        return found.with_choices(chosen) if chosen else found
 
     def of(self, part: str) -> dict[str, Any]:
         """Return what is said of one part, as ``construction_of`` takes it."""
@@ -510,53 +485,47 @@ def build_parts(
     mesh: TetMesh, choices: Sequence[PartChoice], called: Called, said: Walls
 ) -> tuple[BuiltPart, ...]:
     """Return how every region of a mesh [m] is built, in the order of the regions."""
-    return tuple(
-        _built(
-            body,
-            choice,
-            called.words(region),
-            {"filling": called.filling(region), **said.of(choice.part)},
-            called.said_filling(region),
-            called.walls[region],
-        )
-        for region, (body, choice) in enumerate(zip(bodies_of(mesh), choices, strict=True))
-    )
-
-
-def _built(
-    body: Body,
-    choice: PartChoice,
-    words: ThingWords,
-    said: dict[str, Any],
-    said_filling: str,
-    wall: Quantity | None,
-) -> BuiltPart:
-    given, free = said["wall"], not (said["solid"] or said["in_mesh"])
-    if wall and given is None and free:
-        said = {**said, "wall": wall.value}
-    unused = wall.text if wall and said["wall"] != wall.value else ""
-    shape = {"hull_share": body.hull_share(), "smallest_side": body.smallest_side}
+    built = []
     table, contents = load_table(), load_contents()
-    construction = construction_of(
-        choice.part, words, choice.row, contents=contents, **shape, **said
-    )
-    ends = dict.fromkeys(construction.wall or ())
-    shares = {wall: body.share(wall, samples=FEW_SAMPLES) for wall in ends}
-    rho, volume = choice.value.rho, body.volume
-    interval = mass_interval(
-        construction,
-        densities_of(choice.row, rho, guessed=choice.weight < GUESS, table=table),
-        volume=volume,
-        wall_volume=lambda wall: shares[wall].volume * volume,
-    )
-    filling = said["filling"]
-    built = BuiltPart(construction, interval, solid_mass=rho * volume, said_filling=said_filling)
-    built = replace(built, unused_wall=unused)
-    if construction.form != "shell":
-        return built
-    share = body.share(construction.thickness)
-    built = replace(built, share=share, inside_E=filling.value().E if filling else 0.0)
-    return replace(built, apparent=built.as_built(choice.value))
+    for region, (body, choice) in enumerate(zip(bodies_of(mesh), choices, strict=True)):
+        facts = {"filling": called.filling(region), **said.of(choice.part)}
+        wall = called.walls[region]
+        if wall and facts["wall"] is None and not (facts["solid"] or facts["in_mesh"]):
+            facts["wall"] = wall.value
+        construction = construction_of(
+            choice.part,
+            called.words(region),
+            choice.row,
+            contents=contents,
+            hull_share=hull_share(body.points, body.faces),
+            smallest_side=body.smallest_side,
+            **facts,
+        )
+        shares = {
+            end: wall_share(body.points, body.faces, end, samples=FEW_SAMPLES)
+            for end in dict.fromkeys(construction.wall or ())
+        }
+        rho, volume = choice.value.rho, body.volume
+        interval = mass_interval(
+            construction,
+            densities_of(choice.row, rho, guessed=choice.weight < GUESS, table=table),
+            volume=volume,
+            wall_volume=lambda end, shares=shares, volume=volume: shares[end].volume * volume,
+        )
+        one = BuiltPart(
+            construction,
+            interval,
+            solid_mass=rho * volume,
+            said_filling=called.said_filling(region),
+            unused_wall=wall.text if wall and facts["wall"] != wall.value else "",
+        )
+        if construction.form == "shell":
+            share = wall_share(body.points, body.faces, construction.thickness)
+            filling = facts["filling"]
+            one = replace(one, share=share, inside_E=filling.value().E if filling else 0.0)
+            one = replace(one, apparent=one.as_built(choice.value))
+        built.append(one)
+    return tuple(built)
 
 
 def with_walls(field: MaterialField, built: Sequence[BuiltPart]) -> MaterialField:

@@ -47,7 +47,11 @@ def write_motion_glb(
     if not len(times) or np.any(np.diff(times) <= 0):
         raise InputError(f"{path.name}: a motion needs frames at rising times, got {len(times)}")
     body = _Buffers()
-    faces, points, parts = _surface(mesh)
+    # Faces over drawn points, and of each of these its point and its part: none is of two
+    part = np.repeat(mesh.region[mesh.boundary.tet], 3)
+    pairs = np.column_stack([mesh.boundary.faces.reshape(-1), part])
+    drawn, corner = np.unique(pairs, axis=0, return_inverse=True)
+    faces, (points, parts) = corner.reshape(-1, 3), drawn.T
     turn = to_y(up).T
     shapes = [body.add(u[points] @ turn, "VEC3", VERTICES, ends=True) for u in displacement]
     shades = [colorsys.hsv_to_rgb(part * GOLDEN % 1, 0.45, 0.75) for part in range(parts.max() + 1)]
@@ -114,15 +118,6 @@ def _scene(primitive: dict[str, Any], sampler: dict[str, Any], times: np.ndarray
             }
         ],
     }
-
-
-def _surface(mesh: TetMesh) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Faces over drawn points, and of each of these its point and its part: none is of two."""
-    boundary = mesh.boundary
-    part = np.repeat(mesh.region[boundary.tet], 3)
-    pairs = np.column_stack([boundary.faces.reshape(-1), part])
-    drawn, corner = np.unique(pairs, axis=0, return_inverse=True)
-    return corner.reshape(-1, 3), drawn[:, 0], drawn[:, 1]
 
 
 class _Buffers:

@@ -134,7 +134,18 @@ def assemble(
     if len(tets) == 0:
         held = ", ".join(f"{n} {kind}" for kind, n in ignored.items()) or "no cells"
         raise InputError(f"the file holds no tets, got {held}; wanted a volume mesh of tets")
-    points, point_data, tets, unused = _used(np.asarray(points), point_data, np.asarray(tets))
+    points, tets = np.asarray(points), np.asarray(tets)
+    if points.ndim != 2 or points.shape[1] != 3:
+        raise InputError(f"points must have three coordinates, got an array of {points.shape}")
+    if tets.min() < 0 or tets.max() >= len(points):
+        raise InputError(
+            f"tets name points {tets.min()}..{tets.max()}, the file has 0..{len(points) - 1}"
+        )
+    used = np.zeros(len(points), dtype=bool)
+    used[tets] = True
+    points, tets = points[used], (np.cumsum(used) - 1)[tets]
+    point_data = {name: values[used] for name, values in point_data.items()}
+    unused = int((~used).sum())
     ignored = {**ignored, **({"unused points": unused} if unused else {})}
     if ignored:
         log.warning("ignored: %s", ", ".join(f"{n} {kind}" for kind, n in ignored.items()))
@@ -171,20 +182,6 @@ def from_meshio(source: meshio.Mesh, names: Mapping[int, str] | None = None) -> 
         names=names,
         ignored=ignored,
     )
-
-
-def _used(points, point_data, tets):
-    """Points, data and tets without the points that no tet names, and how many those were."""
-    if points.ndim != 2 or points.shape[1] != 3:
-        raise InputError(f"points must have three coordinates, got an array of {points.shape}")
-    if tets.min() < 0 or tets.max() >= len(points):
-        raise InputError(
-            f"tets name points {tets.min()}..{tets.max()}, the file has 0..{len(points) - 1}"
-        )
-    used = np.zeros(len(points), dtype=bool)
-    used[tets] = True
-    data = {name: values[used] for name, values in point_data.items()}
-    return points[used], data, (np.cumsum(used) - 1)[tets], int((~used).sum())
 
 
 def _regions(cell_data, names, count) -> tuple[np.ndarray, tuple[str, ...]]:

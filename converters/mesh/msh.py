@@ -47,7 +47,14 @@ def write_msh(
     with writing(path) as target, target.open("w", encoding="utf-8", newline="\n") as file:
         file.write("$MeshFormat\n2.2 0 8\n$EndMeshFormat\n")
         file.write(f"$Comments\n{_ANNOUNCED} {len(nodes) + len(cells)}\n$EndComments\n")
-        file.writelines(_topology(mesh))
+        names, tag = [escape(name) for name in mesh.region_names], mesh.region + 1
+        file.write(f"$PhysicalNames\n{len(names)}\n")
+        file.writelines(f'3 {number} "{name}"\n' for number, name in enumerate(names, 1))
+        file.write(f"$EndPhysicalNames\n$Nodes\n{len(mesh.points)}\n")
+        file.writelines(_rows("%d %r %r %r\n", *mesh.points.T))
+        file.write(f"$EndNodes\n$Elements\n{len(mesh.tets)}\n")
+        file.writelines(_rows("%d 4 2 %d %d %d %d %d %d\n", tag, tag, *(mesh.tets.T + 1)))
+        file.write("$EndElements\n")
         for name, array in nodes.items():
             file.writelines(_data("NodeData", name, array))
         for name, array in cells.items():
@@ -70,18 +77,6 @@ def read_msh(path: str | os.PathLike) -> MeshData:
 
 
 MSH = Format("Gmsh", (".msh",), read_msh, write_msh, keeps=WHOLE)
-
-
-def _topology(mesh: TetMesh) -> Iterator[str]:
-    names = [escape(name) for name in mesh.region_names]
-    yield f"$PhysicalNames\n{len(names)}\n"
-    yield from (f'3 {tag} "{name}"\n' for tag, name in enumerate(names, 1))
-    yield f"$EndPhysicalNames\n$Nodes\n{len(mesh.points)}\n"
-    yield from _rows("%d %r %r %r\n", *mesh.points.T)
-    yield f"$EndNodes\n$Elements\n{len(mesh.tets)}\n"
-    tag = mesh.region + 1
-    yield from _rows("%d 4 2 %d %d %d %d %d %d\n", tag, tag, *(mesh.tets.T + 1))
-    yield "$EndElements\n"
 
 
 def _data(kind: str, name: str, values: np.ndarray) -> Iterator[str]:

@@ -79,33 +79,35 @@ def write_vtk(
 def read_vtk(path: str | os.PathLike) -> MeshData:
     """Read tets, regions and all arrays of a .vtu or legacy .vtk file."""
     with reading(path, WANTED) as source:
-        return _read_xml(source) if source.suffix.lower() == ".vtu" else _read_legacy(source)
+        if source.suffix.lower() == ".vtu":
+            grid = load_vtu(source)
+            raw = grid.field_data.get(_NAMES)
+            return assemble(
+                grid.points,
+                grid.tets,
+                point_data=grid.point_data,
+                cell_data=grid.cell_data,
+                names=_names(None if raw is None else bytes(raw.astype(np.uint8)), grid.cell_data),
+                ignored=grid.ignored,
+            )
+        import meshio
+
+        check_counts(source)
+        legacy = meshio.vtk.read(str(source))
+        with source.open("rb") as file:
+            head = file.read(_LEGACY_HEAD)
+        lines, match = None, re.search(rb"%s 1 (\d+) unsigned_char\n" % _NAMES.encode(), head)
+        if match is not None:
+            count, lines = int(match[1]), head[match.end() :]
+            if re.match(rb"[^\n]*\n[^\n]*\nBINARY", head):
+                lines = lines[:count]
+            else:
+                lines = bytes(int(code) for code in lines.split(None, count)[:count])
+        return from_meshio(legacy, _names(lines, legacy.cell_data))
 
 
 VTU = Format("VTK XML", (".vtu",), read_vtk, write_vtk, keeps=WHOLE)
 VTK = Format("legacy VTK", (".vtk",), read_vtk, write_vtk, keeps=WHOLE)
-
-
-def _read_xml(source: Path) -> MeshData:
-    grid = load_vtu(source)
-    raw = grid.field_data.get(_NAMES)
-    listed = None if raw is None else np.asarray(raw, dtype=np.uint8).tobytes()
-    return assemble(
-        grid.points,
-        grid.tets,
-        point_data=grid.point_data,
-        cell_data=grid.cell_data,
-        names=_names(listed, grid.cell_data),
-        ignored=grid.ignored,
-    )
-
-
-def _read_legacy(source: Path) -> MeshData:
-    import meshio
-
-    check_counts(source)
-    grid = meshio.vtk.read(str(source))
-    return from_meshio(grid, _names(_legacy_names(source), grid.cell_data))
 
 
 def _names(listed: bytes | None, cell_data: Container[str]) -> dict[int, str]:
@@ -114,19 +116,6 @@ def _names(listed: bytes | None, cell_data: Container[str]) -> dict[int, str]:
     if lines and "region" not in cell_data:
         raise InputError(f"it names {len(lines)} regions but has no cell array 'region'")
     return {tag: unquote(line) for tag, line in enumerate(lines)}
-
-
-def _legacy_names(file: Path) -> bytes | None:
-    """Region names of a legacy file, binary or ASCII."""
-    with file.open("rb") as source:
-        head = source.read(_LEGACY_HEAD)
-    match = re.search(rb"%s 1 (\d+) unsigned_char\n" % _NAMES.encode(), head)
-    if match is None:
-        return None
-    count, rest = int(match[1]), head[match.end() :]
-    if re.match(rb"[^\n]*\n[^\n]*\nBINARY", head):
-        return rest[:count]
-    return bytes(int(code) for code in rest.split(None, count)[:count])
 
 
 # A reader of .vtu files of our own: inline, appended or raw arrays, their unpacking bounded.
@@ -159,8 +148,16 @@ class VtuGrid(NamedTuple):
 
 def load_vtu(path: Path, *, max_bytes: int = MAX_UNPACKED) -> VtuGrid:
     """Read a .vtu file whose compressed arrays hold at most ``max_bytes`` in all."""
-    root, appended = _document(path.read_bytes())
-    arrays = VtuArrays(root, appended, max_bytes)
+    content, appended, raw = path.read_bytes(), b"", False
+    if (start := _APPENDED.search(content)) is not None:
+        stop = content.rfind(b"</AppendedData>")
+        raw = re.search(rb"encoding\s*=\s*[\"']raw", start[1]) is not None
+        appended = content[start.end() : stop].partition(b"_")[2]
+        content = content[: start.start()] + content[stop + len(b"</AppendedData>") :]
+    root = ElementTree.fromstring(content)
+    if root.tag != "VTKFile" or root.get("type") != "UnstructuredGrid":
+        raise InputError(f"it is a {root.tag} of {root.get('type')}, no VTKFile UnstructuredGrid")
+    arrays = VtuArrays(root, appended, max_bytes, raw=raw)
     grid = root.find("UnstructuredGrid")
     pieces = [] if grid is None else grid.findall("Piece")
     if grid is None or not pieces:
@@ -176,24 +173,6 @@ def load_vtu(path: Path, *, max_bytes: int = MAX_UNPACKED) -> VtuGrid:
         arrays.under(grid.find("FieldData")),
         ignored,
     )
-
-
-def _document(content: bytes) -> tuple[ElementTree.Element, tuple[bytes, bool]]:
-    """The XML without its appended data, and that data with whether it is raw."""
-    start = _APPENDED.search(content)
-    if start is None:
-        return _checked(ElementTree.fromstring(content)), (b"", False)
-    stop = content.rfind(b"</AppendedData>")
-    raw = re.search(rb"encoding\s*=\s*[\"']raw", start[1]) is not None
-    data = content[start.end() : stop].partition(b"_")[2]
-    tail = content[stop + len(b"</AppendedData>") :]
-    return _checked(ElementTree.fromstring(content[: start.start()] + tail)), (data, raw)
-
-
-def _checked(root: ElementTree.Element) -> ElementTree.Element:
-    if root.tag != "VTKFile" or root.get("type") != "UnstructuredGrid":
-        raise InputError(f"it is a {root.tag} of {root.get('type')}, no VTKFile UnstructuredGrid")
-    return root
 
 
 def _piece(piece: ElementTree.Element, arrays: VtuArrays, ignored: dict[str, int]):
@@ -233,12 +212,12 @@ _KINDS = {"Float": "f", "Int": "i", "UInt": "u"}
 class VtuArrays:
     """Reads the data arrays of a file, and adds up what its compressed ones unpack to."""
 
-    def __init__(self, root: ElementTree.Element, appended: tuple[bytes, bool], allowed: int):
+    def __init__(self, root: ElementTree.Element, appended: bytes, allowed: int, *, raw: bool):
         self._order: Literal["<", ">"] = ">" if root.get("byte_order") == "BigEndian" else "<"
         self._allowed = self._left = allowed
         self._header = _dtype(root.get("header_type", "UInt32")).newbyteorder(self._order)
         self._compressor = root.get("compressor")
-        self._appended, self._raw = memoryview(appended[0]), appended[1]
+        self._appended, self._raw = memoryview(appended), raw
 
     def under(self, parent: ElementTree.Element | None, rows: int | None = None):
         """Arrays by name of a parent element, each of ``rows`` rows where that is known."""
@@ -257,25 +236,22 @@ class VtuArrays:
         if form == "ascii":
             return np.array(text.split(), dtype=dtype)
         if form == "appended":
-            source: _Raw | _Base64 = (_Raw if self._raw else _Base64)(
-                self._appended[int(element.attrib["offset"]) :]
-            )
+            source = _Bytes(self._appended[int(element.attrib["offset"]) :], self._raw)
         elif form == "binary":
-            source = _Base64("".join(text.split()).encode())
+            source = _Bytes(memoryview("".join(text.split()).encode()), raw=False)
         else:
             raise InputError(f"arrays in the format {form!r} are not known")
-        data = self._plain(source) if self._compressor is None else self._unpacked(source)
+        if self._compressor is None:
+            width = self._header.itemsize
+            (size,) = np.frombuffer(source.head(width), self._header)
+            data = source.after(width, int(size))
+            if len(data) != size:
+                raise InputError(f"an array announces {size} bytes and holds {len(data)}")
+        else:
+            data = self._unpacked(source)
         return np.frombuffer(data, dtype.newbyteorder(self._order)).astype(dtype, copy=False)
 
-    def _plain(self, source: _Raw | _Base64) -> bytes:
-        width = self._header.itemsize
-        (size,) = np.frombuffer(source.head(width), self._header)
-        data = source.after(width, int(size))
-        if len(data) != size:
-            raise InputError(f"an array announces {size} bytes and holds {len(data)}")
-        return data
-
-    def _unpacked(self, source: _Raw | _Base64) -> bytearray:
+    def _unpacked(self, source: _Bytes) -> bytearray:
         """Blocks behind a header of their count, their size, the last one's, and packed sizes."""
         count = int(np.frombuffer(source.head(self._header.itemsize), self._header)[0])
         length = (3 + count) * self._header.itemsize
@@ -284,60 +260,45 @@ class VtuArrays:
         packed = source.after(length, int(ends[-1])) if count else b""
         if len(sizes) != count or (count and ends[-1] > len(packed)):
             raise InputError(f"a compressed array announces {count} blocks and holds fewer")
-        data = bytearray()
-        for end, size in zip(ends, sizes, strict=True):
-            data += self._block(packed[end - size : end])
-        return data
-
-    def _block(self, packed: bytes) -> bytes:
-        """The bytes of a block, at most those that are left of all that are allowed."""
         if self._compressor not in ("vtkZLibDataCompressor", "vtkLZMADataCompressor"):
             raise InputError(f"arrays packed by {self._compressor} are not read; zlib and LZMA are")
-        lzma_packed = self._compressor == "vtkLZMADataCompressor"
-        tool = lzma.LZMADecompressor() if lzma_packed else zlib.decompressobj()
-        data = tool.decompress(packed, self._left + 1)
-        if len(data) > self._left:
-            raise InputError(
-                f"its compressed arrays unpack to more than {self._allowed:,} bytes; "
-                "write the mesh uncompressed if it is that large"
-            )
-        if not tool.eof:
-            raise InputError("a compressed block is cut short")
-        self._left -= len(data)
+        data = bytearray()
+        for end, size in zip(ends, sizes, strict=True):
+            is_lzma = self._compressor == "vtkLZMADataCompressor"
+            tool = lzma.LZMADecompressor() if is_lzma else zlib.decompressobj()
+            block = tool.decompress(packed[end - size : end], self._left + 1)
+            if len(block) > self._left:
+                raise InputError(
+                    f"its compressed arrays unpack to more than {self._allowed:,} bytes; "
+                    "write the mesh uncompressed if it is that large"
+                )
+            if not tool.eof:
+                raise InputError("a compressed block is cut short")
+            self._left -= len(block)
+            data += block
         return data
 
 
-class _Raw:
-    """Bytes of an array that stand as they are."""
+class _Bytes:
+    """Bytes of an array: ``raw``, or as base64, the header encoded with the rest or before it."""
 
-    def __init__(self, data: memoryview) -> None:
-        self._data = data
-
-    def head(self, count: int) -> bytes:
-        """The first ``count`` bytes."""
-        return bytes(self._data[:count])
-
-    def after(self, head: int, count: int) -> bytes:
-        """``count`` bytes behind a header of ``head``."""
-        return bytes(self._data[head : head + count])
-
-
-class _Base64:
-    """Bytes of an array as base64, the header encoded with the rest or before it."""
-
-    def __init__(self, text: bytes | memoryview) -> None:
-        self._text = text
+    def __init__(self, data: memoryview, raw: bool) -> None:
+        self._data, self._raw = data, raw
 
     def head(self, count: int) -> bytes:
         """The first ``count`` bytes."""
-        return base64.b64decode(self._text[: _characters(count)])[:count]
+        if self._raw:
+            return bytes(self._data[:count])
+        return base64.b64decode(self._data[: _characters(count)])[:count]
 
     def after(self, head: int, count: int) -> bytes:
         """``count`` bytes behind a header of ``head``."""
+        if self._raw:
+            return bytes(self._data[head : head + count])
         at = _characters(head)
-        if head % 3 and self._text[at - 1 : at] != b"=":
-            return base64.b64decode(self._text[: _characters(head + count)])[head : head + count]
-        return base64.b64decode(self._text[at : at + _characters(count)])[:count]
+        if head % 3 and self._data[at - 1 : at] != b"=":
+            return base64.b64decode(self._data[: _characters(head + count)])[head : head + count]
+        return base64.b64decode(self._data[at : at + _characters(count)])[:count]
 
 
 def _characters(count: int) -> int:
@@ -373,31 +334,22 @@ def write_pvd(
     """
     path = Path(path)
     with writing_folder(path.parent) as folder:
-        names = _write_series(folder / path.name, mesh, frames, cell_data)
+        entries, names = [], [path.name]
+        for i, (time, point_data) in enumerate(frames):
+            names.append(f"{path.stem}_{i:05d}.vtu")
+            write_vtk(folder / names[-1], mesh, point_data=point_data, cell_data=cell_data)
+            entries.append(f'<DataSet timestep="{float(time)!r}" file={quoteattr(names[-1])}/>')
+        if not entries:
+            raise InputError(f"{path.name}: a series needs at least one frame, got none")
+        lines = [
+            '<?xml version="1.0" encoding="utf-8"?>',
+            '<VTKFile type="Collection" version="0.1" byte_order="LittleEndian"><Collection>',
+            *entries,
+            "</Collection></VTKFile>\n",
+        ]
+        with writing(folder / path.name) as target:
+            target.write_text("\n".join(lines), encoding="utf-8")
     return [path.with_name(name) for name in names]
-
-
-def _write_series(
-    path: Path, mesh: TetMesh, frames: Iterable[TimedFields], cell_data: Arrays | None
-) -> list[str]:
-    """Write frames and index; their names, the index first."""
-    entries, names = [], []
-    for i, (time, point_data) in enumerate(frames):
-        file = path.with_name(f"{path.stem}_{i:05d}.vtu")
-        write_vtk(file, mesh, point_data=point_data, cell_data=cell_data)
-        entries.append(f'<DataSet timestep="{float(time)!r}" file={quoteattr(file.name)}/>')
-        names.append(file.name)
-    if not entries:
-        raise InputError(f"{path.name}: a series needs at least one frame, got none")
-    lines = [
-        '<?xml version="1.0" encoding="utf-8"?>',
-        '<VTKFile type="Collection" version="0.1" byte_order="LittleEndian"><Collection>',
-        *entries,
-        "</Collection></VTKFile>\n",
-    ]
-    with writing(path) as target:
-        target.write_text("\n".join(lines), encoding="utf-8")
-    return [path.name, *names]
 
 
 def read_pvd(path: str | os.PathLike) -> Iterator[tuple[float, MeshData]]:

@@ -32,8 +32,11 @@ def read_pcd(path: str | os.PathLike) -> PointTable:
             for name, kind, size, count in zip(header["FIELDS"], kinds, sizes, counts, strict=True)
         ]
         dtype, n = np.dtype(fields), int(header["POINTS"][0])
-        body = content[start:]
-        encoding = header["DATA"][0]
+        body, encoding = content[start:], header["DATA"][0]
+        # What of the header says more than the points do
+        more = [] if header.get("HEIGHT", ["1"]) == ["1"] else ["rows of a camera"]
+        more += [] if header.get("VIEWPOINT", _VIEWPOINT) == _VIEWPOINT else ["viewpoint"]
+        remarks, others = tuple(header["#"]), Others(_TITLE, tuple(more), header)
         if encoding == "binary_compressed":
             # Compressed files store field after field, not point after point
             body = _unpack(body)
@@ -42,10 +45,16 @@ def read_pcd(path: str | os.PathLike) -> PointTable:
                 count = n * int(np.prod(shape))
                 columns[name] = np.frombuffer(body, kind, count, at).reshape(n, *shape).copy()
                 at += count * np.dtype(kind).itemsize
-            return PointTable(columns, tuple(header["#"]), _others(header))
-        rows = _ascii(body, dtype, n) if encoding == "ascii" else _binary(body, dtype, n)
-        columns = {name: rows[name] for name in dtype.names or ()}
-        return PointTable(columns, tuple(header["#"]), _others(header))
+            return PointTable(columns, remarks, others)
+        if encoding == "ascii":
+            rows = _ascii(body, dtype, n)
+        elif 0 <= n * dtype.itemsize <= len(body):
+            rows = np.frombuffer(body, dtype=dtype, count=n).copy()
+        else:
+            raise InputError(
+                f"{n} points of {dtype.itemsize} bytes announced, {len(body)} bytes left"
+            )
+        return PointTable({name: rows[name] for name in dtype.names or ()}, remarks, others)
 
 
 def write_pcd(path: str | os.PathLike, table: PointTable) -> None:
@@ -90,13 +99,6 @@ PCD = Format(
 )
 
 
-def _others(header: dict[str, list[str]]) -> Others:
-    """The header, and what of it says more than the points do."""
-    rows = [] if header.get("HEIGHT", ["1"]) == ["1"] else ["rows of a camera"]
-    turned = [] if header.get("VIEWPOINT", _VIEWPOINT) == _VIEWPOINT else ["viewpoint"]
-    return Others(_TITLE, (*rows, *turned), header)
-
-
 def _header(content: bytes) -> tuple[dict[str, list[str]], int]:
     """Header words by keyword, remarks under ``#``, and where the data starts."""
     header, start = {"#": []}, 0
@@ -114,12 +116,6 @@ def _header(content: bytes) -> tuple[dict[str, list[str]], int]:
     if missing or len(header["FIELDS"]) > _MAX_FIELDS:
         raise InputError(f"the PCD header lacks {sorted(missing)}")
     return header, start
-
-
-def _binary(body: bytes, dtype: np.dtype, n: int) -> np.ndarray:
-    if not 0 <= n * dtype.itemsize <= len(body):
-        raise InputError(f"{n} points of {dtype.itemsize} bytes announced, {len(body)} bytes left")
-    return np.frombuffer(body, dtype=dtype, count=n).copy()
 
 
 def _ascii(body: bytes, dtype: np.dtype, n: int) -> np.ndarray:

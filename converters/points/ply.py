@@ -66,10 +66,17 @@ def read_ply(path: str | os.PathLike) -> Ply:
         encoding, comments, declared, rest = _parse(header)
         elements = {}
         for name, count, dtype in declared:
+            left = os.fstat(file.fileno()).st_size - file.tell()
             if encoding == "ascii":
                 elements[name] = _ascii_rows(file, count, dtype)
-            else:
-                elements[name] = _binary_rows(file, count, dtype.newbyteorder(_ORDERS[encoding]))
+                continue
+            if not 0 <= count * dtype.itemsize <= left:
+                raise InputError(
+                    f"{count} rows of {dtype.itemsize} bytes were announced, the file has {left} "
+                    "bytes more"
+                )
+            rows = np.fromfile(file, dtype.newbyteorder(_ORDERS[encoding]), count)
+            elements[name] = rows.astype(rows.dtype.newbyteorder("="), copy=False)
         if "vertex" not in elements:
             raise InputError(f"{path} has no vertex element of scalars; wanted {WANTED}")
         return Ply(elements, comments, encoding, (rest, file.read()))
@@ -108,7 +115,8 @@ def read_ply_points(path: str | os.PathLike) -> PointTable:
     """Read the vertices as points; splats packed in chunks become the columns of the common PLY."""
     with reading(path, "a PLY point cloud or 3D Gaussian splat"):
         ply = read_ply(path)
-        if is_packed(ply.elements):
+        packed = "packed_position" in (ply.vertex.dtype.names or ())
+        if packed and "chunk" in ply.elements:  # splats in chunks of 256
             return PointTable(unpack(ply.elements), ply.comments)
         names = ply.vertex.dtype.names or ()
         columns = {name: ply.vertex[name] for name in names}
@@ -176,16 +184,6 @@ def _parse(header: list[str]):
     return encoding, tuple(comments), elements, tuple(header[first_list:])
 
 
-def _binary_rows(file: BinaryIO, count: int, dtype: np.dtype) -> np.ndarray:
-    left = os.fstat(file.fileno()).st_size - file.tell()
-    if not 0 <= count * dtype.itemsize <= left:
-        raise InputError(
-            f"{count} rows of {dtype.itemsize} bytes were announced, the file has {left} bytes more"
-        )
-    rows = np.fromfile(file, dtype=dtype, count=count)
-    return rows.astype(dtype.newbyteorder("="), copy=False)
-
-
 def _ascii_rows(file: BinaryIO, count: int, dtype: np.dtype) -> np.ndarray:
     if count > os.fstat(file.fileno()).st_size:
         raise InputError(f"{count} rows were announced in a file of fewer bytes")
@@ -202,11 +200,6 @@ def _ascii_rows(file: BinaryIO, count: int, dtype: np.dtype) -> np.ndarray:
 
 _CHUNK = 256  # splats a chunk
 Elements = Mapping[str, np.ndarray]
-
-
-def is_packed(elements: Elements) -> bool:
-    """Whether the elements of a PLY are splats packed in chunks of 256."""
-    return "chunk" in elements and "packed_position" in (elements["vertex"].dtype.names or ())
 
 
 def unpack(elements: Elements) -> dict[str, np.ndarray]:

@@ -12,7 +12,7 @@ import numpy as np
 from ...fem.errors import InputError
 from ..files import reading
 from ..registry import Format, Keeps
-from .gaussians import SH_C0, standard_columns
+from .gaussians import BANDS, SH_C0, standard_columns
 from .table import PointTable
 
 WANTED = "a .ksplat file of version 0.1"
@@ -24,32 +24,44 @@ _LEVELS = (("<f4", "<f4", "<f4"), ("<u2", "<f2", "<f2"), ("<u2", "<f2", "u1"))
 
 
 class _Section(NamedTuple):
-    """Layout of a section: splats, rows of space, buckets and where its bytes start."""
+    """Layout of a section: splats, rows of space, buckets, and the ``dtype`` of a row.
+
+    From ``start`` on are the bucket sizes and centres, from ``rows_at`` on the rows.
+    """
 
     splats: int
     rows: int
     capacity: int
     buckets: int
     size: float
-    bucket_bytes: int
     quanta: int
     full: int
     partial: int
     degree: int
+    dtype: np.dtype
     start: int
+    rows_at: int
 
-    def dtype(self, level: int) -> np.dtype:
-        """Type of a row at a level of compression."""
+    @classmethod
+    def read(cls, content: bytes, at: int, start: int, level: int) -> _Section:
+        """Read the header at ``at`` of a section that starts at ``start``."""
+        splats, rows, capacity, buckets = struct.unpack_from("<IIII", content, at)
+        (size,) = struct.unpack_from("<f", content, at + 16)
+        (bucket_bytes,) = struct.unpack_from("<H", content, at + 20)
+        (quanta,) = struct.unpack_from("<I", content, at + 24)
+        full, partial = struct.unpack_from("<II", content, at + 32)
+        (degree,) = struct.unpack_from("<H", content, at + 40)
+        if degree >= len(_HARMONICS):
+            raise InputError(f"section of harmonic degree {degree}; wanted at most 3")
         position, other, harmonic = _LEVELS[level]
-        return np.dtype(
+        dtype = np.dtype(
             [("p", position, 3), ("s", other, 3), ("q", other, 4), ("rgba", "u1", 4),
-             ("sh", harmonic, _HARMONICS[self.degree])]
+             ("sh", harmonic, _HARMONICS[degree])]
         )  # fmt: skip
-
-    @property
-    def bucket_space(self) -> int:
-        """Bytes of bucket sizes and centres before the rows."""
-        return 4 * self.partial + self.bucket_bytes * self.buckets
+        return cls(
+            splats, rows, capacity, buckets, size, quanta or _QUANTA[level], full, partial, degree,
+            dtype, start, start + 4 * partial + bucket_bytes * buckets,
+        )  # fmt: skip
 
 
 def read_ksplat(path: str | os.PathLike) -> PointTable:
@@ -66,10 +78,10 @@ def read_ksplat(path: str | os.PathLike) -> PointTable:
             raise InputError(f"{path}: level {level}, {sections} sections; wanted {WANTED}")
         parts, start = [], _FILE_HEADER + sections * _SECTION_HEADER
         for i in range(sections):
-            section = _section(content, _FILE_HEADER + i * _SECTION_HEADER, start, level)
+            section = _Section.read(content, _FILE_HEADER + i * _SECTION_HEADER, start, level)
             if section.splats:
                 parts.append(_splats(content, section, level, span))
-            start += section.bucket_space + section.rows * section.dtype(level).itemsize
+            start = section.rows_at + section.rows * section.dtype.itemsize
         if not parts:
             raise InputError(f"{path} holds no splats; wanted {WANTED}")
         return PointTable(
@@ -80,27 +92,10 @@ def read_ksplat(path: str | os.PathLike) -> PointTable:
 KSPLAT = Format("bucketed splats", (".ksplat",), read_ksplat, keeps=frozenset({Keeps.HARMONICS}))
 
 
-def _section(content: bytes, at: int, start: int, level: int) -> _Section:
-    splats, rows, capacity, buckets = struct.unpack_from("<IIII", content, at)
-    (size,) = struct.unpack_from("<f", content, at + 16)
-    (bucket_bytes,) = struct.unpack_from("<H", content, at + 20)
-    (quanta,) = struct.unpack_from("<I", content, at + 24)
-    full, partial = struct.unpack_from("<II", content, at + 32)
-    (degree,) = struct.unpack_from("<H", content, at + 40)
-    if degree >= len(_HARMONICS):
-        raise InputError(f"section of harmonic degree {degree}; wanted at most 3")
-    return _Section(
-        splats, rows, capacity, buckets, size, bucket_bytes, quanta or _QUANTA[level], full,
-        partial, degree, start,
-    )  # fmt: skip
-
-
 def _splats(content: bytes, section: _Section, level: int, span) -> dict[str, np.ndarray]:
-    dtype = section.dtype(level)
-    rows_at = section.start + section.bucket_space
-    if rows_at + section.splats * dtype.itemsize > len(content):
+    if section.rows_at + section.splats * section.dtype.itemsize > len(content):
         raise InputError(f"section of {section.splats} splats ends after the file does")
-    rows = np.frombuffer(content, dtype, section.splats, rows_at)
+    rows = np.frombuffer(content, section.dtype, section.splats, section.rows_at)
     means = rows["p"].astype(np.float64)
     if level:
         sizes = np.frombuffer(content, "<u4", section.partial, section.start)
@@ -118,22 +113,15 @@ def _splats(content: bytes, section: _Section, level: int, span) -> dict[str, np
     rest = rows["sh"].astype(np.float64)
     if level == 2:
         rest = span[0] + rest / 255 * (span[1] - span[0])
+    # Harmonics are stored band by band, each (3, band)
+    ends = np.cumsum([3 * width for width in BANDS[: section.degree]])
+    bands = [band.reshape(len(rest), 3, -1) for band in np.split(rest, ends[:-1], axis=1)]
     colour = (rows["rgba"][:, :3] / 255 - 0.5) / SH_C0
     alpha = rows["rgba"][:, 3] / 255
     return standard_columns(
         means, log_scales, rows["q"].astype(np.float64), alpha, colour,
-        _by_channel(rest) if section.degree else None,
+        np.concatenate(bands, axis=2) if section.degree else None,
     )  # fmt: skip
-
-
-def _by_channel(rest: np.ndarray) -> np.ndarray:
-    """Harmonics stored band by band, each (3, band), as (n, 3, all bands)."""
-    bands, at = [], 0
-    for width in (3, 5, 7):
-        if at < rest.shape[1]:
-            bands.append(rest[:, at : at + 3 * width].reshape(len(rest), 3, width))
-            at += 3 * width
-    return np.concatenate(bands, axis=2)
 
 
 # Niantic's .spz splats, versions 1 to 4: compressed planes of fixed-point values.
@@ -150,7 +138,14 @@ _MAX_BYTES = 1 << 32  # unpacked; about 66 million splats
 def read_spz(path: str | os.PathLike) -> PointTable:
     """Read .spz as the columns of the common PLY, in the file's own axes."""
     with reading(path, SPZ_WANTED) as source:
-        content = _plain(source.read_bytes())
+        content = source.read_bytes()
+        if content[:2] == b"\x1f\x8b":  # undo gzip, within bounds
+            stream = zlib.decompressobj(16 + zlib.MAX_WBITS)
+            content = stream.decompress(content, _MAX_BYTES)
+            if not stream.eof:
+                raise InputError(
+                    f"the gzip stream is cut short or unpacks to more than {_MAX_BYTES} bytes"
+                )
         if len(content) < _HEADER or content[:4] != _MAGIC:
             raise InputError(f"{path} holds no NGSP header; wanted {SPZ_WANTED}")
         version, n, degree, bits = struct.unpack_from("<IIBB", content, 4)
@@ -158,15 +153,21 @@ def read_spz(path: str | os.PathLike) -> PointTable:
             raise InputError(f"{path} is version {version}, degree {degree}; wanted {SPZ_WANTED}")
         k = _COEFFICIENTS[degree]
         widths = [6 if version == 1 else 9, 1, 3, 3, 4 if version > 2 else 3, 3 * k]
-        streams = _compressed if version == 4 else _plain_planes
+        streams = _compressed if version == 4 else _uncompressed
         planes = [
             np.frombuffer(raw, np.uint8).reshape(n, width)
             for raw, width in zip(streams(content, n, widths), widths, strict=False)
         ]
         position, alpha, colour, scale, rotation = planes[:5]
+        if version == 1:  # half floats, else 24-bit fixed point
+            means = position.copy().view("<f2").astype(np.float64)
+        else:
+            low, middle, high = position.reshape(n, 3, 3).astype(np.int64).transpose(2, 0, 1)
+            value = low | middle << 8 | high << 16
+            means = np.where(value >= 1 << 23, value - (1 << 24), value) / 2.0**bits
         return PointTable(
             standard_columns(
-                _positions(position, version, bits),
+                means,
                 scale / 16.0 - 10,
                 _rotations(rotation),
                 alpha[:, 0] / 255.0,
@@ -179,7 +180,7 @@ def read_spz(path: str | os.PathLike) -> PointTable:
 SPZ = Format("Niantic splats", (".spz",), read_spz, keeps=frozenset({Keeps.HARMONICS}))
 
 
-def _plain_planes(content: bytes, n: int, widths: list[int]) -> list[bytes]:
+def _uncompressed(content: bytes, n: int, widths: list[int]) -> list[bytes]:
     """Planes one after the other behind the header (versions 1 to 3)."""
     ends = _HEADER + n * np.cumsum(widths)
     if len(content) < ends[-1]:
@@ -208,26 +209,6 @@ def _compressed(content: bytes, n: int, widths: list[int]) -> list[bytes]:
         planes.append(zstandard.ZstdDecompressor().decompress(raw, max_output_size=size))
         at += packed
     return planes
-
-
-def _plain(content: bytes) -> bytes:
-    """Undo gzip, within bounds."""
-    if content[:2] != b"\x1f\x8b":
-        return content
-    stream = zlib.decompressobj(16 + zlib.MAX_WBITS)
-    plain = stream.decompress(content, _MAX_BYTES)
-    if not stream.eof:
-        raise InputError(f"the gzip stream is cut short or unpacks to more than {_MAX_BYTES} bytes")
-    return plain
-
-
-def _positions(raw: np.ndarray, version: int, bits: int) -> np.ndarray:
-    """Positions (n, 3) from half floats (version 1) or 24-bit fixed point."""
-    if version == 1:
-        return raw.copy().view("<f2").astype(np.float64)
-    low, middle, high = (raw.reshape(len(raw), 3, 3)[:, :, i].astype(np.int64) for i in range(3))
-    value = low | middle << 8 | high << 16
-    return np.where(value >= 1 << 23, value - (1 << 24), value) / 2.0**bits
 
 
 def _rotations(raw: np.ndarray) -> np.ndarray:

@@ -165,7 +165,11 @@ def thinned(table: PointTable) -> PointTable:
 
 def chosen_camera(frames: Sequence[PointTable], up: UpAxis) -> Camera:
     """The camera around moving splats that sees them move farthest, and in contrast."""
-    places = np.stack([_inner(table.positions) for table in frames])
+    places = np.stack([table.positions for table in frames])
+    places[~np.isfinite(places)] = np.nan
+    # Strays, and what has no place, are moved in
+    low, high = np.nanquantile(places, EDGES, axis=1, keepdims=True)
+    places = np.clip(np.where(np.isnan(places), low, places), low, high)
     all_places = places.reshape(-1, 3)
     bounds = np.stack([all_places.min(axis=0), all_places.max(axis=0)])
     around = ring(bounds, count=TRIED, up=up, pixels=SMALL)
@@ -177,12 +181,6 @@ def chosen_camera(frames: Sequence[PointTable], up: UpAxis) -> Camera:
         return float(moved * splat_view(frames[0], camera).std())
 
     return max(cameras, key=seen).resized(PIXELS, PIXELS)
-
-
-def _inner(places: np.ndarray) -> np.ndarray:
-    """Places with strays, and what has none, moved in."""
-    low, high = np.nanquantile(np.where(np.isfinite(places), places, np.nan), EDGES, axis=0)
-    return np.clip(np.where(np.isfinite(places), places, low), low, high)
 
 
 class SplatFilm:
@@ -276,14 +274,7 @@ def opacity_grid(splats: Gaussians, grid: Grid) -> Float[np.ndarray, "nx ny nz"]
 
     warp = start_warp()
     sigmas = np.clip(np.hypot(splats.sigmas / grid.h, 0.5), None, MAX_REACH / REACH)  # in cells
-    # Rotation matrices (n, 3, 3) of unit quaternions wxyz; columns are the axes
-    w, x, y, z = splats.rotations.T
-    rows = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-    ]
-    axes = np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+    axes = matrices_of(splats.rotations)
     means = grid.to_index(splats.means)
     reach = REACH * np.sqrt(np.einsum("nij,nj->ni", axes**2, sigmas**2))  # of the box around each
     lower = np.clip(np.ceil(means - reach), 0, grid.shape)

@@ -10,7 +10,6 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Float
 
 from ...fem.elements.assembly import node_supports
 from ...fem.elements.space import Space, affordable_order, make_space
@@ -31,8 +30,11 @@ def _write(path: Path, mesh: TetMesh, bins: Bins, options: SceneOptions) -> list
     space = make_space(mesh, options.order or affordable_order(mesh))
     supports = node_supports(options.supports or find_supports(mesh, options.up)[0], space)
     with writing(path) as target, target.open("w", encoding="ascii", newline="\n") as file:
-        file.write("*HEADING\nGravity sag; SI units: m, kg, s, N, Pa\n")
-        file.writelines(_nodes(space))
+        file.write("*HEADING\nGravity sag; SI units: m, kg, s, N, Pa\n*NODE, NSET=NALL\n")
+        for i, place in enumerate(space.nodes.tolist(), 1):
+            file.write(f"{i}, {', '.join(map(_number, place))}\n")
+        # The points of the mesh come first: those alone are printed with their results.
+        file.write(f"*NSET, NSET=POINTS, GENERATE\n1, {space.points}, 1\n")
         file.writelines(_elements(mesh, space, bins))
         file.writelines(_springs(supports, first=len(mesh.tets) + 1))
         file.writelines(_materials(bins))
@@ -62,16 +64,6 @@ CALCULIX = Program(
 )
 
 
-def _nodes(space: Space) -> Iterator[str]:
-    """All nodes, the points of the mesh first; those alone are printed with their results."""
-    yield "*NODE, NSET=NALL\n"
-    yield from (
-        f"{i}, {_number(x)}, {_number(y)}, {_number(z)}\n"
-        for i, (x, y, z) in enumerate(space.nodes.tolist(), 1)
-    )
-    yield f"*NSET, NSET=POINTS, GENERATE\n1, {space.points}, 1\n"
-
-
 def _elements(mesh: TetMesh, space: Space, bins: Bins) -> Iterator[str]:
     ids = np.column_stack([np.arange(1, len(mesh.tets) + 1), space.elements + 1])
     for bin_id in range(len(bins)):
@@ -92,7 +84,11 @@ def _materials(bins: Bins) -> Iterator[str]:
         yield f"*MATERIAL, NAME=MAT{i}\n"
         wooden = bins.grain is not None and bins.grain.axes[i - 1].any()
         if bins.grain is not None and wooden:
-            yield from _engineering_constants(bins.grain.constants[i - 1])
+            # Along, radial, tangential: E, then nu, then G; eight values on the first line
+            along = np.split(bins.grain.constants[i - 1], 3)
+            values = [_number(value) for k in (0, 2, 1) for value in along[k]]
+            yield "*ELASTIC, TYPE=ENGINEERING CONSTANTS\n"
+            yield f"{', '.join(values[:8])}\n{values[8]}\n"
         else:
             yield f"*ELASTIC\n{_number(E)}, {_number(nu)}\n"
         yield f"*DENSITY\n{_number(rho)}\n"
@@ -102,14 +98,6 @@ def _materials(bins: Bins) -> Iterator[str]:
             yield f"*ORIENTATION, NAME=GRAIN{i}, SYSTEM=RECTANGULAR\n{plane}\n"
             section += f", ORIENTATION=GRAIN{i}"
         yield f"{section}\n"
-
-
-def _engineering_constants(constants: Float[np.ndarray, "9"]) -> Iterator[str]:
-    """Along, radial, tangential: E, then nu, then G; eight values on the first line."""
-    E, G, nu = np.split(constants, 3)
-    values = [_number(value) for value in (*E, *nu, *G)]
-    yield "*ELASTIC, TYPE=ENGINEERING CONSTANTS\n"
-    yield f"{', '.join(values[:8])}\n{values[8]}\n"
 
 
 def _springs(supports: Supports, first: int) -> Iterator[str]:

@@ -97,9 +97,6 @@ def export_mesh(
     return Exported(form.write(path, mesh, binned, options), len(binned), error, lost, notes)
 
 
-# What the writer of a program may use beside the mesh.
-
-
 @dataclass(frozen=True)
 class SceneOptions:
     """What the user says beside the mesh.
@@ -117,10 +114,20 @@ class SceneOptions:
     def items(self, mesh: TetMesh) -> Iterator[Keeps]:
         """What the files for ``mesh`` have to keep; what does not vary is no value a tet."""
         for item in items_of(mesh):
-            if item not in _VARYING or _varies(getattr(mesh.material, _VARYING[item])):
+            values = getattr(mesh.material, _VARYING[item]) if item in _VARYING else None
+            if values is None or np.ptp(values) > _SAME * values.max():
                 yield item
         if self.supports is not None:
-            yield from _held(self.supports)
+            fixed = self.supports.fixed
+            whole = fixed.all(axis=1)
+            if whole.any():
+                yield Keeps.HELD
+            if (fixed.any(axis=1) & ~whole).any():
+                yield Keeps.ROLLERS
+            if self.supports.values[fixed].any():
+                yield Keeps.PRESCRIBED
+            if self.supports.springs.any():
+                yield Keeps.SPRINGS
         if self.order == 2:
             yield Keeps.QUADRATIC
 
@@ -128,22 +135,6 @@ class SceneOptions:
 # Values of one part that went through a field differ in their last bits, and are one value.
 _SAME = 1e-9
 _VARYING = {Keeps.E: "E", Keeps.NU: "nu", Keeps.RHO: "rho"}
-
-
-def _varies(values: np.ndarray) -> bool:
-    return bool(np.ptp(values) > _SAME * values.max())
-
-
-def _held(supports: Supports) -> Iterator[Keeps]:
-    whole = supports.fixed.all(axis=1)
-    if whole.any():
-        yield Keeps.HELD
-    if (supports.fixed.any(axis=1) & ~whole).any():
-        yield Keeps.ROLLERS
-    if supports.values[supports.fixed].any():
-        yield Keeps.PRESCRIBED
-    if supports.springs.any():
-        yield Keeps.SPRINGS
 
 
 # Gmsh: a .msh with a group a region, one view an array under the wanted names.

@@ -72,23 +72,20 @@ def _space(mesh, shape):
 _UNITS = {name: "1" if name.startswith("nu") else "Pa" for name in OrthotropicConstants._fields}
 
 
-def _row(bins: Bins, i: int) -> dict[str, Any]:
-    """Values of a bin, and those of its grain where there are grains, 0 where it has none."""
-    row = {"E": float(bins.E[i]), "nu": float(bins.nu[i]), "rho": float(bins.rho[i])}
-    if bins.grain is None:
-        return row
-    constants = dict(zip(_UNITS, bins.grain.constants[i].tolist(), strict=True))
-    return {**row, "grain_axes": bins.grain.axes[i].tolist(), **constants}
-
-
 def _write(path: Path, mesh: TetMesh, bins: Bins, options: SceneOptions) -> list[Path]:
     """Write STEM.msh, STEM.materials.json and STEM_fenics.py, which reads the other two."""
     table = path.with_name(f"{path.stem}.materials.json")
     loader = path.with_name(f"{path.stem}_fenics.py")
-    document = {
+    document: dict[str, Any] = {
         "units": {"E": "Pa", "nu": "1", "rho": "kg/m^3", "grain_axes": "1", **_UNITS},
-        "bins": {str(i + 1): _row(bins, i) for i in range(len(bins))},
+        "bins": {},
     }
+    for i in range(len(bins)):  # of a grain all values are 0 where a bin has none
+        row = {"E": float(bins.E[i]), "nu": float(bins.nu[i]), "rho": float(bins.rho[i])}
+        if bins.grain is not None:
+            row["grain_axes"] = bins.grain.axes[i].tolist()
+            row |= dict(zip(_UNITS, bins.grain.constants[i].tolist(), strict=True))
+        document["bins"][str(i + 1)] = row
     groups = tuple(f"bin {i + 1}" for i in range(len(bins)))
     write_msh(path, replace(mesh, region=bins.label, region_names=groups))
     with writing(table) as target:

@@ -87,7 +87,13 @@ def bin_materials(mesh: TetMesh, *, bins: int = 64, grain: bool = False) -> Bins
     exact = np.stack([material.E, material.nu, material.rho], axis=1)
     plain = np.stack([np.log10(material.E), material.nu, np.log10(material.rho)], axis=1)
     rounded = np.round(plain, _DIGITS)
-    way = _ways(material) if grain else np.zeros(len(exact), dtype=np.int64)
+    way = np.zeros(len(exact), dtype=np.int64)
+    if grain and material.axes is not None:
+        # Tets whose axes and constants over E agree share one way
+        constants = material.constants.copy()
+        constants[:, :6] /= material.E[:, None]
+        both = np.round(np.column_stack([material.axes.reshape(-1, 9), constants]), _DIGITS)
+        way = np.unique(both, axis=0, return_inverse=True)[1].ravel()
     if (ways := way.max() + 1) > bins:
         raise UsageError(f"--bins {bins}: the grain runs in {ways} ways, each needs a bin")
     keyed = np.column_stack([way, rounded])
@@ -96,8 +102,14 @@ def bin_materials(mesh: TetMesh, *, bins: int = 64, grain: bool = False) -> Bins
         none = BinError((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
         known = _bin_grain(material, first, exact[first, 0]) if grain else None
         return Bins(*exact[first].T, label=label.ravel(), error=none, grain=known)
-    weight = mesh.volumes
-    label = _cluster_ways(keyed, weight, bins)
+    # By k-means among those of one way; ways share the bins as they differ within
+    weight, label, used = mesh.volumes, np.zeros(len(keyed), dtype=np.int64), 0
+    kinds = [len(np.unique(keyed[way == w], axis=0)) - 1 for w in range(ways)]
+    for w, kind in enumerate(kinds):
+        own = way == w
+        room = 1 + (bins - len(kinds)) * kind // max(sum(kinds), 1)
+        label[own] = used + _cluster(keyed[own, 1:], weight[own], room)
+        used = label[own].max() + 1
     share = np.bincount(label, weight)
     logE, nu, rho = (
         np.bincount(label, weight * values) / share
@@ -112,16 +124,6 @@ def bin_materials(mesh: TetMesh, *, bins: int = 64, grain: bool = False) -> Bins
     )
 
 
-def _ways(material: ElementMaterial) -> Int[np.ndarray, "tets"]:
-    """Number of the axes and the constants over E of every tet, those that agree sharing one."""
-    if material.axes is None:
-        return np.zeros(len(material.E), dtype=np.int64)
-    share = material.constants.copy()
-    share[:, :6] /= material.E[:, None]
-    rows = np.round(np.column_stack([material.axes.reshape(-1, 9), share]), _DIGITS)
-    return np.unique(rows, axis=0, return_inverse=True)[1].ravel()
-
-
 def _bin_grain(material: ElementMaterial, first: np.ndarray, E: np.ndarray) -> BinGrain | None:
     """Grain of bins of ``E`` [Pa] whose first tets are ``first``."""
     if material.axes is None:
@@ -129,22 +131,6 @@ def _bin_grain(material: ElementMaterial, first: np.ndarray, E: np.ndarray) -> B
     constants = material.constants[first].copy()
     constants[:, :6] *= (E / material.E[first])[:, None]
     return BinGrain(material.axes[first], constants)
-
-
-def _cluster_ways(keyed: np.ndarray, weight: np.ndarray, bins: int) -> np.ndarray:
-    """Label of every row by k-means among those of one way, its first column.
-
-    Ways share the bins as they differ within.
-    """
-    way = keyed[:, 0].astype(np.int64)
-    kinds = [len(np.unique(keyed[way == w], axis=0)) - 1 for w in range(way.max() + 1)]
-    room, label, used = bins - len(kinds), np.zeros(len(keyed), dtype=np.int64), 0
-    for w, kind in enumerate(kinds):
-        own = way == w
-        share = 1 + room * kind // max(sum(kinds), 1)
-        label[own] = used + _cluster(keyed[own, 1:], weight[own], share)
-        used = label[own].max() + 1
-    return label
 
 
 def _three(values: np.ndarray) -> tuple[float, float, float]:
@@ -162,19 +148,6 @@ def _cluster(values: np.ndarray, weight: np.ndarray, bins: int) -> np.ndarray:
 
     spread = np.ptp(values, axis=0)
     scaled = (values - values.min(axis=0)) / np.where(spread > 0, spread, 1)
-    label = _halve(scaled, weight, bins)
-    for _ in range(_ITERATIONS):
-        total = np.bincount(label, weight)
-        centres = [np.bincount(label, weight * column) / total for column in scaled.T]
-        nearest = np.unique(KDTree(np.stack(centres, 1)).query(scaled)[1], return_inverse=True)[1]
-        if np.array_equal(nearest, label):
-            break
-        label = nearest
-    return label
-
-
-def _halve(scaled: np.ndarray, weight: np.ndarray, bins: int) -> np.ndarray:
-    """Label of every row after halving the bin of largest weighted variance ``bins - 1`` times."""
     label = np.zeros(len(scaled), dtype=np.int64)
     waiting = [_variance(scaled, weight, np.arange(len(scaled)))]
     for new in range(1, bins):
@@ -186,6 +159,13 @@ def _halve(scaled: np.ndarray, weight: np.ndarray, bins: int) -> np.ndarray:
         upper = column > np.average(column, weights=weight[rows])
         label[rows[upper]] = new
         waiting += [_variance(scaled, weight, rows[part]) for part in (upper, ~upper)]
+    for _ in range(_ITERATIONS):
+        total = np.bincount(label, weight)
+        centres = [np.bincount(label, weight * column) / total for column in scaled.T]
+        nearest = np.unique(KDTree(np.stack(centres, 1)).query(scaled)[1], return_inverse=True)[1]
+        if np.array_equal(nearest, label):
+            break
+        label = nearest
     return label
 
 

@@ -137,7 +137,7 @@ MUJOCO = Program(
 def _world(mesh: TetMesh, motion: Motion, options: SceneOptions) -> Iterator[str]:
     upwards = up_vector(options.up)
     gravity = -options.gravity * upwards
-    ground = (float((mesh.bounds @ upwards).min()) - 2 * _radius(mesh)) * upwards
+    ground = (float((mesh.bounds @ upwards).min()) - 2 * _RADIUS * _diagonal(mesh)) * upwards
     solver = "" if motion.rigid else f' iterations="{motion.iterations}"'
     yield (
         f'  <option gravity="{_row(gravity)}" integrator="discrete" '
@@ -181,7 +181,7 @@ def _flex(
     """One material: its vertices are the shared bodies, numbered anew inside the flex."""
     tets = mesh.tets[bins.label == bin_id]
     points, elements = np.unique(tets, return_inverse=True)
-    yield f'    <flex name="bin{bin_id + 1}" dim="3" radius="{_radius(mesh)!r}"\n'
+    yield f'    <flex name="bin{bin_id + 1}" dim="3" radius="{_RADIUS * _diagonal(mesh)!r}"\n'
     if motion.rigid:
         yield f'      body="body" vertex="{_row(mesh.points[points].ravel())}"\n'
     else:
@@ -193,7 +193,7 @@ def _flex(
     # MuJoCo wants a contact's time to be two steps or more; it sinks with that time squared.
     yield (
         f'      <contact selfcollide="none" solref="{4 * _step(motion):.6g} 1" '
-        f'solimp="0.99 0.999 {_radius(mesh)!r}" priority="1"/>\n    </flex>\n'
+        f'solimp="0.99 0.999 {_RADIUS * _diagonal(mesh)!r}" priority="1"/>\n    </flex>\n'
     )
 
 
@@ -203,10 +203,6 @@ def _step(motion: Motion) -> float:
 
 def _diagonal(mesh: TetMesh) -> float:
     return float(np.linalg.norm(np.ptp(mesh.bounds, axis=0)))
-
-
-def _radius(mesh: TetMesh) -> float:
-    return _RADIUS * _diagonal(mesh)
 
 
 def _row(values: np.ndarray) -> str:

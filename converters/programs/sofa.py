@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -45,6 +44,15 @@ def _write(path: Path, mesh: TetMesh, options: SceneOptions) -> list[Path]:
     supports = options.supports or find_supports(mesh, options.up)[0]
     mesh_path = path.with_suffix(".msh")
     young = float(material.E.max())
+    # One constraint for every set of directions in which points are held
+    constraints, fixed = [], supports.fixed
+    for directions in np.unique(fixed[fixed.any(axis=1)], axis=0):
+        points = _row(np.flatnonzero((fixed == directions).all(axis=1)))
+        kind, which = "FixedProjectiveConstraint", ""
+        if not directions.all():
+            kind = "PartialFixedProjectiveConstraint"
+            which = f' fixedDirections="{_row(directions.astype(int))}"'
+        constraints.append(f'    <{kind} indices="{points}"{which}/>')
     scene = _SCENE.format(
         gravity=_row(-options.gravity * up_vector(options.up)),
         mesh=mesh_path.name.replace("&", "&amp;").replace('"', "&quot;"),
@@ -52,7 +60,7 @@ def _write(path: Path, mesh: TetMesh, options: SceneOptions) -> list[Path]:
         young=repr(young),
         poisson=repr(float(material.nu @ mesh.volumes / mesh.volume)),
         factors=_row(material.E / young),
-        constraints="\n".join(_constraints(supports.fixed)),
+        constraints="\n".join(constraints),
     )
     write_msh(mesh_path, mesh.with_material(material.without_grain()))
     with writing(path) as target:
@@ -70,20 +78,6 @@ SOFA = Program(
         ),
     )
 )
-
-
-def _constraints(fixed: np.ndarray) -> Iterator[str]:
-    """One constraint for every set of directions in which ``fixed`` (points, 3) holds points."""
-    for directions in np.unique(fixed[fixed.any(axis=1)], axis=0):
-        held = _row(np.flatnonzero((fixed == directions).all(axis=1)))
-        if directions.all():
-            yield f'    <FixedProjectiveConstraint indices="{held}"/>'
-        else:
-            which = _row(directions.astype(int))
-            yield (
-                f'    <PartialFixedProjectiveConstraint indices="{held}" '
-                f'fixedDirections="{which}"/>'
-            )
 
 
 def _row(values: np.ndarray) -> str:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import trimesh
-from autophyx_tet.toolkit.asset.decimate import decimated
+from autophyx_tet.toolkit.asset.engines import decimated
 from autophyx_tet.toolkit.asset.triangles import Triangles, closest
 
 

@@ -15,12 +15,11 @@ import pytest
 import trimesh
 from autophyx_tet.fem.errors import InputError, NoVolumeError
 from autophyx_tet.predictors.asset import Asset, Part
-from autophyx_tet.toolkit.asset.formats import ASSET_FORMATS, read_content
+from autophyx_tet.toolkit.asset.formats import ASSET_FORMATS, References, read_content
 from autophyx_tet.toolkit.asset.load import load_asset
 from autophyx_tet.toolkit.asset.readers import CARRIER
 from autophyx_tet.toolkit.asset.repair import repair
 from autophyx_tet.toolkit.asset.solids import Solids
-from autophyx_tet.toolkit.asset.textures import References
 from autophyx_tet.toolkit.meshing.convert import tetrahedralize
 from hypothesis import given, settings
 from hypothesis import strategies as st

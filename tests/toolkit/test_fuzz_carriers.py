@@ -17,9 +17,8 @@ from autophyx_tet.converters.points.gaussians import standard_columns
 from autophyx_tet.converters.points.table import PointTable, write_points
 from autophyx_tet.fem.errors import AutophyxError, InputError
 from autophyx_tet.fem.mesh import box_mesh
-from autophyx_tet.toolkit.asset.formats import read_content
+from autophyx_tet.toolkit.asset.formats import References, read_content
 from autophyx_tet.toolkit.asset.readers import CARRIER
-from autophyx_tet.toolkit.asset.textures import References
 from autophyx_tet.toolkit.meshing.import_tets import SUFFIXES, import_tets
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st

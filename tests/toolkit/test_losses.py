@@ -8,7 +8,7 @@ import trimesh
 from autophyx_tet.predictors.asset import Asset, Part
 from autophyx_tet.toolkit.asset.repair import stacked
 from autophyx_tet.toolkit.meshing.convert import Preparation, tetrahedralize
-from autophyx_tet.toolkit.meshing.losses import MOST_LOST, FileSurface
+from autophyx_tet.toolkit.meshing.guarantees import MOST_LOST, FileSurface
 
 from .bodies import part_of
 

@@ -20,7 +20,7 @@ def test_no_other_file_names_the_archives(root):
     """Neither the hidden sources nor the archive suffix stands anywhere else in the project."""
     suffix = ".sh" + "3f"
     allowed = {root / "toolkit/asset/sweethome3d.py"}
-    rooms = ("fem", "predictors", "converters", "toolkit", "tests", "benchmarks", "notebooks")
+    rooms = ("fem", "predictors", "converters", "toolkit", "research", "tests", "benchmarks")
     for room in rooms:
         for path in (root / room).rglob("*.py"):
             text = path.read_text()

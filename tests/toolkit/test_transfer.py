@@ -19,7 +19,7 @@ from autophyx_tet.fem.errors import UsageError
 from autophyx_tet.fem.material import ElementMaterial
 from autophyx_tet.fem.mesh import TetMesh, box_mesh
 from autophyx_tet.toolkit.asset.document import Sidecar
-from autophyx_tet.toolkit.asset.textures import References
+from autophyx_tet.toolkit.asset.formats import References
 from autophyx_tet.toolkit.cli.main import main
 from autophyx_tet.toolkit.options import ExportOptions, Names, TransferOptions
 

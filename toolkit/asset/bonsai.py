@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -104,8 +103,11 @@ def bonsai(*, seed: int = 7) -> trimesh.Scene:
     }
     scene = trimesh.Scene()
     for name, surfaces in parts.items():
-        part = _merged(surfaces)
-        coat = FINISHES[name]
+        coat, surfaces = FINISHES[name], list(surfaces)
+        points, faces = trimesh.util.append_faces(
+            [surface.vertices for surface in surfaces], [surface.faces for surface in surfaces]
+        )
+        part = trimesh.Trimesh(points, faces, process=False)  # closed surfaces may overlap
         from trimesh.visual.material import PBRMaterial
         from trimesh.visual.texture import TextureVisuals
 
@@ -152,16 +154,6 @@ def write_bonsai(path: str | os.PathLike[str], *, seed: int = 7) -> Path:
     partial.write_bytes(data)
     partial.replace(path)
     return path
-
-
-def _merged(surfaces: Iterable[trimesh.Trimesh]):
-    """One mesh of several closed surfaces, which may overlap."""
-    import trimesh
-
-    points, faces = trimesh.util.append_faces(
-        *zip(*((s.vertices, s.faces) for s in surfaces), strict=True)
-    )
-    return trimesh.Trimesh(points, faces, process=False)
 
 
 def _outline(inset: float, height: float, *, sides: int = 36) -> Float[np.ndarray, "sides 3"]:

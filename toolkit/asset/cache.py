@@ -119,8 +119,11 @@ def remember(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
         log.warning("%s is not remembered: %s", path, error)
         return
     # Delete results beyond the bound, and what writers that were killed left unfinished
-    total = 0
-    for file, known in _last_used_first(path.parent):
+    total, files = 0, []
+    for file in path.parent.glob("*.npz"):
+        with suppress(FileNotFoundError):  # another process forgot it meanwhile
+            files.append((file, file.stat()))
+    for file, known in sorted(files, key=lambda one: one[1].st_mtime, reverse=True):
         if file.name.startswith(UNFINISHED):
             old = time.time() - known.st_mtime > ABANDONED
         else:
@@ -128,11 +131,3 @@ def remember(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
             old = total > MOST_BYTES
         if old:
             file.unlink(missing_ok=True)
-
-
-def _last_used_first(folder: Path) -> list[tuple[Path, os.stat_result]]:
-    found = []
-    for file in folder.glob("*.npz"):
-        with suppress(FileNotFoundError):  # another process forgot it meanwhile
-            found.append((file, file.stat()))
-    return sorted(found, key=lambda one: one[1].st_mtime, reverse=True)

@@ -78,7 +78,11 @@ def run_guarded(
     started = time.monotonic()
     with tempfile.TemporaryDirectory(prefix="autophyx-tet-") as name:
         folder = Path(name)
-        job = {"task": task, "options": dict(options or {}), "memory": memory_limit or _memory()}
+        if not memory_limit:
+            share = MEMORY_SHARE * os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+            ours, _ = resource.getrlimit(resource.RLIMIT_AS)
+            memory_limit = int(share if ours == resource.RLIM_INFINITY else min(share, ours))
+        job = {"task": task, "options": dict(options or {}), "memory": memory_limit}
         np.savez(folder / _JOB, **arrays, __job__=np.array(json.dumps(job)))  # type: ignore[arg-type]
         with (folder / _LOG).open("wb") as output:
             child = subprocess.Popen(
@@ -109,12 +113,6 @@ def run_guarded(
                 log.debug("the child process group had already ended")
             child.wait()
         return _result(child, folder, time.monotonic() - started)
-
-
-def _memory() -> int:
-    share = int(MEMORY_SHARE * os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
-    ours, _ = resource.getrlimit(resource.RLIMIT_AS)
-    return share if ours == resource.RLIM_INFINITY else min(share, ours)
 
 
 def _result(child: subprocess.Popen[bytes], folder: Path, seconds: float) -> Arrays:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
 from ...converters.carriers import is_density
 from ...converters.grids import DensityGrid, read_density
@@ -18,6 +18,7 @@ from ...converters.registry import GRID_FORMATS, POINT_FORMATS
 from ...fem.errors import InputError
 from ...predictors.appearance.surface import GREY, OPAQUE, density_of_points
 from ...predictors.grid import Grid
+from .triangles import Places
 
 FAINT = 0.1  # opacity below which a splat is haze, no part of the object
 SOLID = 0.3  # opacity from which a cell is matter, as in a fitted radiance field
@@ -39,7 +40,10 @@ def is_carrier(path: Path) -> bool:
     """Whether a file holds splats, points without triangles, or a density grid."""
     suffix = path.suffix.lower()
     if suffix == ".ply":
-        return not _TRIANGLES.search(_head(path))
+        if not path.is_file():
+            return True  # its reader says so
+        with path.open("rb") as file:
+            return not _TRIANGLES.search(file.read(_HEAD_BYTES).partition(b"end_header")[0])
     return suffix in POINT_FORMATS or suffix in GRID_FORMATS
 
 
@@ -104,7 +108,13 @@ def _of_cloud(table: PointTable, cells: int) -> ColouredGrid:
     density = density_of_points(points, grid)
     flat = np.ravel_multi_index(tuple(grid.cell_of(points).T), grid.shape)
     count = np.maximum(np.bincount(flat, minlength=density.size), 1)
-    sums = [np.bincount(flat, c, density.size) for c in _colours(table, keep).T]
+    columns = [table.columns.get(name) for name in ("red", "green", "blue")]
+    colours = np.tile(GREY[:3].astype(np.float64), (len(points), 1))
+    if all(column is not None for column in columns):
+        colours = np.stack([np.asarray(column)[keep] for column in columns], axis=1)
+        whole = np.iinfo(colours.dtype).max if colours.dtype.kind in "ui" else 1
+        colours = (colours / whole).astype(np.float64).clip(0, 1)
+    sums = [np.bincount(flat, c, density.size) for c in colours.T]
     colour = (np.stack(sums, axis=-1) / count[:, None]).reshape(*grid.shape, 3)
     return ColouredGrid(density, colour, grid)
 
@@ -115,23 +125,5 @@ def _checked(coloured: ColouredGrid) -> ColouredGrid:
     return coloured
 
 
-def _colours(table: PointTable, keep: Bool[np.ndarray, "n"]) -> Float[np.ndarray, "m 3"]:
-    """Colours in [0, 1] of the points kept; grey where the file has none."""
-    columns = [table.columns.get(name) for name in ("red", "green", "blue")]
-    if any(column is None for column in columns):
-        return np.tile(GREY[:3].astype(np.float64), (int(keep.sum()), 1))
-    colours = np.stack([np.asarray(column)[keep] for column in columns], axis=1)
-    whole = np.iinfo(colours.dtype).max if colours.dtype.kind in "ui" else 1
-    return (colours / whole).astype(np.float64).clip(0, 1)
-
-
-def _bounds(points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "2 3"]:
+def _bounds(points: Places) -> Float[np.ndarray, "2 3"]:
     return np.stack([points.min(axis=0), points.max(axis=0)])
-
-
-def _head(path: Path) -> bytes:
-    """Header of a PLY file; nothing of one that is not there: its reader says so."""
-    if not path.is_file():
-        return b""
-    with path.open("rb") as file:
-        return file.read(_HEAD_BYTES).partition(b"end_header")[0]

@@ -199,31 +199,25 @@ def load_again(path: str | Path, known: Sidecar | None) -> Asset:
 def read_known(mesh: str | Path | TetMesh, asset: str | Path | Asset | None):
     """Return the mesh, what is known of its regions, the asset, and what the user should know."""
     from ...converters.mesh.meshdata import read_mesh
+    from ...converters.registry import MESH_FORMATS
+    from .formats import ASSET_FORMATS
 
     found = None
     if not isinstance(mesh, TetMesh):
         path = Path(mesh)
-        from ...converters.registry import MESH_FORMATS
-        from .formats import ASSET_FORMATS
-
         suffix = path.suffix.lower()
         if suffix in ASSET_FORMATS and suffix not in MESH_FORMATS:
             raise InputError(
                 f"{path} is an asset, wanted a mesh of tets: `autophyx-tet run` takes the asset "
                 "and does it all, `autophyx-tet convert` makes the mesh"
             )
-        mesh, found = read_mesh(mesh), Sidecar.read(Path(mesh))
+        mesh, found = read_mesh(path), Sidecar.read(path)
     if asset is not None:
         asset = asset if isinstance(asset, Asset) else load_again(asset, found)
         found = replace(Sidecar.of_asset(asset), record=found.record if found else {})
     if found is None:
-        found = Sidecar(up="z")
-        return (
-            mesh,
-            found,
-            None,
-            ["no asset and no sidecar: regions have only their names, up is z"],
-        )
+        guess = "no asset and no sidecar: regions have only their names, up is z"
+        return mesh, Sidecar(up="z"), None, [guess]
     lost = [name for name in mesh.region_names if name not in found.labels]
     warnings = [f"regions {lost} are not parts of the asset: they have only their names"]
     return mesh, found, asset, warnings if lost else []

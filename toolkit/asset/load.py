@@ -10,14 +10,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
-from jaxtyping import Float
 
 from ...fem.errors import InputError, NoVolumeError, UsageError
 from ...fem.mesh import USUAL_SIZE
 from ...predictors.asset import Asset, Part, UpAxis
 from .child import ChildFailure, run_guarded
-from .formats import ASSET_FORMATS, AssetContent, NamedSurface, read_content
-from .textures import References
+from .formats import ASSET_FORMATS, AssetContent, NamedSurface, References, read_content
+from .triangles import Places
 
 if TYPE_CHECKING:
     import trimesh
@@ -73,6 +72,8 @@ def load_asset(
     >>> round(float(bonsai.size.max()), 9)  # m
     0.9
     """
+    from trimesh.util import concatenate
+
     path = Path(path)
     _check_scale(size, units)
     _check_path(path)
@@ -81,15 +82,30 @@ def load_asset(
     content = read_content(path, data, references)
     if not content.surfaces and content.cloud is not None:
         content = reconstructed(path, content)
-    surfaces, warnings = _with_extent(path, [_checked(path, s) for s in content.surfaces])
-    warnings = [*references.warnings, *content.warnings, *warnings]
+    surfaces, warnings = [], [*references.warnings, *content.warnings]
+    for surface in content.surfaces:
+        _check(path, surface)
+        if np.ptp(surface.mesh.vertices[surface.mesh.faces], axis=(0, 1)).max() > 0:
+            surfaces.append(surface)
+    if not content.surfaces:
+        raise InputError(f"{path}: holds no triangle: wanted a surface mesh")
+    if not surfaces:
+        raise InputError(f"{path}: all {len(content.surfaces)} surfaces shrink to one point")
+    if dropped := len(content.surfaces) - len(surfaces):
+        warnings.append(f"{dropped} surfaces that shrink to one point were left out")
     # One part per (node, material); per material alone where that would be too many
     groups = _grouped(surfaces, [(s.node[:1], s.material, s.material_number) for s in surfaces])
     if len(groups) > MAX_PARTS:
         groups = _grouped(surfaces, [s.material for s in surfaces])
         warnings.append(f"more than {MAX_PARTS} named pieces: merged by material to {len(groups)}")
     parts = tuple(
-        Part(name, _joined([s.mesh for s in group]), _labels(group))
+        Part(
+            name,
+            group[0].mesh if len(group) == 1 else concatenate([s.mesh for s in group]),  # type: ignore
+            tuple(
+                dict.fromkeys(n for s in group for n in (*s.node, s.material or "") if _is_name(n))
+            ),
+        )
         for name, group in zip(_unique_names(groups, path.stem), groups, strict=True)
     )
     asset = Asset(
@@ -125,10 +141,21 @@ def scaled(
     warnings = list(asset.warnings)
     if up is None and not stated.up:
         warnings.append(f"the file does not say which axis is up: taken as +{asset.up.upper()}")
-    factor = _metres(asset, size, units, stated.metres, warnings)
-    known = size is not None or units is not None
-    # Scale to metres and say what was assumed
-    asset = replace(asset, up=up or asset.up, size_stated=known)
+    longest = float(asset.size.max())
+    if size is not None:
+        factor = size / longest
+    elif units is not None:
+        factor = METRES[units]
+    elif stated.metres is not None:
+        factor = stated.metres
+    else:
+        factor = 1.0
+        warnings.append(
+            f"the file has no unit: taken as metres (longest side {longest:.4g} m); "
+            "--size or --units sets it"
+        )
+    given = size is not None or units is not None
+    asset = replace(asset, up=up or asset.up, size_stated=given)
     longest = float(asset.size.max()) * factor
     smallest, largest = USUAL_SIZE
     if not smallest <= longest <= largest:
@@ -180,7 +207,7 @@ def _check_path(path: Path) -> None:
         )
 
 
-def _checked(path: Path, surface: NamedSurface) -> NamedSurface:
+def _check(path: Path, surface: NamedSurface) -> None:
     """Refuse what no later step could make sense of: indices, numbers, counts."""
     points, faces = surface.mesh.vertices, surface.mesh.faces
     if points.shape[1:] != (3,) or faces.shape[1:] != (3,):
@@ -204,18 +231,6 @@ def _checked(path: Path, surface: NamedSurface) -> NamedSurface:
             f"{path}: vertex {bad[0]} is {points[bad[0]].tolist()} ({bad.size} such vertices), "
             f"wanted finite numbers below {COORDINATE_LIMIT:g}: export it again"
         )
-    return surface
-
-
-def _with_extent(path: Path, surfaces: list[NamedSurface]) -> tuple[list[NamedSurface], list[str]]:
-    """Surfaces that are more than one point, and a sentence about the others."""
-    if not surfaces:
-        raise InputError(f"{path}: holds no triangle: wanted a surface mesh")
-    kept = [s for s in surfaces if np.ptp(s.mesh.vertices[s.mesh.faces], axis=(0, 1)).max() > 0]
-    if not kept:
-        raise InputError(f"{path}: all {len(surfaces)} surfaces shrink to one point")
-    dropped = len(surfaces) - len(kept)
-    return kept, [f"{dropped} surfaces that shrink to one point were left out"] * bool(dropped)
 
 
 def _grouped(surfaces: Sequence[NamedSurface], keys: Sequence[Any]) -> list[list[NamedSurface]]:
@@ -223,18 +238,6 @@ def _grouped(surfaces: Sequence[NamedSurface], keys: Sequence[Any]) -> list[list
     for surface, key in zip(surfaces, keys, strict=True):
         groups.setdefault(key, []).append(surface)
     return list(groups.values())
-
-
-def _joined(meshes: list[trimesh.Trimesh]) -> trimesh.Trimesh:
-    import trimesh
-
-    return meshes[0] if len(meshes) == 1 else trimesh.util.concatenate(meshes)  # type: ignore
-
-
-def _labels(group: Sequence[NamedSurface]) -> tuple[str, ...]:
-    """All real names around a part, without repeats."""
-    names = [n for s in group for n in (*s.node, *([s.material] if s.material else []))]
-    return tuple(dict.fromkeys(n for n in names if _is_name(n)))
 
 
 def _is_name(name: str | None) -> bool:
@@ -265,23 +268,6 @@ def _unique_names(groups: Sequence[Sequence[NamedSurface]], stem: str) -> list[s
 
 def _first_name(names: Sequence[str | None]) -> str | None:
     return next((name for name in names if _is_name(name)), None)
-
-
-def _metres(
-    asset: Asset, size: float | None, units: Unit | None, stated: float | None, warnings: list[str]
-) -> float:
-    """Metres per unit of the file: what the user says, what the file says, else one."""
-    longest = float(asset.size.max())
-    if size is not None:
-        return size / longest
-    if units is not None:
-        return METRES[units]
-    if stated is None:
-        warnings.append(
-            f"the file has no unit: taken as metres (longest side {longest:.4g} m); "
-            "--size or --units sets it"
-        )
-    return 1.0 if stated is None else stated
 
 
 # Point clouds: a surface through points that came without triangles.
@@ -342,7 +328,7 @@ def reconstructed(path: Path, content: AssetContent) -> AssetContent:
     )
 
 
-def guessed_share(mesh: trimesh.Trimesh, cloud: Float[np.ndarray, "n 3"]) -> float:
+def guessed_share(mesh: trimesh.Trimesh, cloud: Places) -> float:
     """Share of a surface's area that lies far from all points, by their spacing there."""
     from scipy.spatial import KDTree
 

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import csv
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 from ...fem.errors import InputError
 from ...fem.table import FIELDS, Material, MaterialTable, key, load_table, row_of_record
@@ -50,7 +49,17 @@ def _rows(path: Path) -> Iterator[Material]:
             raise InputError(f"{path} is no TOML: {error}") from error
         if not isinstance(given, list) or not all(isinstance(item, dict) for item in given):
             raise InputError(f"{path}: wanted tables [[material]]")
-        records = [_as_record(item) for item in given]
+        records = []  # as lines of a CSV
+        for item in given:
+            record = {n: str(value) for n, value in item.items() if n not in (*FIELDS, "aliases")}
+            for name in FIELDS:
+                span = item.get(name)
+                low, high = span if isinstance(span, list) and len(span) == 2 else (span, span)
+                record[f"{name}_min{_UNITS[name]}"] = str(low)
+                record[f"{name}_max{_UNITS[name]}"] = str(high)
+            aliases = item.get("aliases", [])
+            record["aliases"] = ";".join(aliases if isinstance(aliases, list) else [str(aliases)])
+            records.append(record)
     else:
         records = list(csv.DictReader(text.splitlines()))
     if not records:
@@ -60,15 +69,3 @@ def _rows(path: Path) -> Iterator[Material]:
         if missing:
             raise InputError(f"{path}, material {number}: no {', '.join(missing)}")
         yield row_of_record(record, f"{path}, material {number}")
-
-
-def _as_record(item: Mapping[str, Any]) -> dict[str, str]:
-    """One TOML table as a line of a CSV."""
-    record = {name: str(value) for name, value in item.items() if name not in (*FIELDS, "aliases")}
-    for name in FIELDS:
-        span = item.get(name)
-        low, high = span if isinstance(span, list) and len(span) == 2 else (span, span)
-        record |= {f"{name}_min{_UNITS[name]}": str(low), f"{name}_max{_UNITS[name]}": str(high)}
-    aliases = item.get("aliases", [])
-    record["aliases"] = ";".join(aliases if isinstance(aliases, list) else [str(aliases)])
-    return record

@@ -19,8 +19,7 @@ from ...converters.points.table import read_points
 from ...converters.points.views import splat_surface
 from ...converters.registry import Format, Keeps
 from ...fem.errors import InputError
-from .formats import AssetContent, NamedSurface
-from .textures import References, used_materials
+from .formats import AssetContent, NamedSurface, References
 
 if TYPE_CHECKING:
     import trimesh
@@ -129,8 +128,16 @@ def read_gltf(path: Path, data: bytes, references: References) -> AssetContent:
     """Read one surface per node and material, in world coordinates."""
     document = json.loads(gltf_json(data))
     # One surface per node and primitive, with the names that the file gives node and mesh
-    scene = parse_scene(path, data, references)
-    nodes, meshes = _nodes_by_name(document), document.get("meshes", [])
+    from trimesh.util import unique_name
+
+    scene, meshes = parse_scene(path, data, references), document.get("meshes", [])
+    # Nodes of the file under the names that trimesh gives them: their own, counted if equal
+    nodes: dict[str, dict[str, Any]] = {}
+    counts: dict[str | None, int] = {}
+    for number, node in enumerate(document.get("nodes", [])):
+        nodes[unique_name(node.get("name", str(number)), nodes, counts=counts)] = node
+    if "world" in nodes:  # the name of trimesh's own root
+        nodes[unique_name("world", nodes)] = nodes["world"]
     order = {geometry: number for number, geometry in enumerate(scene.geometry)}
     materials: dict[int, int] = {}
     found = []
@@ -153,20 +160,20 @@ def read_gltf(path: Path, data: bytes, references: References) -> AssetContent:
     surfaces = [surface for *_, surface in sorted(found, key=lambda entry: entry[:2])]
     if not surfaces and references.warnings:
         raise InputError(f"{path}: {references.warnings[0]}")
-    return AssetContent(surfaces, metres=1.0, up="y", warnings=_textures_not_read(document))
-
-
-def _nodes_by_name(document: dict[str, Any]) -> dict[str, dict[str, Any]]:
-    """Nodes of the file under the names that trimesh gives them: their own, counted if equal."""
-    from trimesh.util import unique_name
-
-    nodes: dict[str, dict[str, Any]] = {}
-    counts: dict[str | None, int] = {}
-    for number, node in enumerate(document.get("nodes", [])):
-        nodes[unique_name(node.get("name", str(number)), nodes, counts=counts)] = node
-    if "world" in nodes:  # the name of trimesh's own root
-        nodes[unique_name("world", nodes)] = nodes["world"]
-    return nodes
+    images = document.get("images", [])
+    unread = [
+        str(image.get("name") or image.get("uri") or f"image {number}")
+        for number, image in enumerate(images)
+        if "ktx2" in (image.get("mimeType", "") + image.get("uri", "")[-5:]).lower()
+    ]
+    warnings = ()
+    if unread:
+        some = ", ".join(unread[:3]) + (f" and {len(unread) - 3} more" if len(unread) > 3 else "")
+        warnings = (
+            f"{len(unread)} of {len(images)} textures are KTX2, which is not read ({some}): their "
+            "parts have the plain colours of their materials; export the textures as PNG or JPEG",
+        )
+    return AssetContent(surfaces, metres=1.0, up="y", warnings=warnings)
 
 
 def gltf_json(data: bytes) -> bytes:
@@ -175,23 +182,6 @@ def gltf_json(data: bytes) -> bytes:
         return data
     (size,) = struct.unpack_from("<I", data, 12)
     return data[20 : 20 + size]
-
-
-def _textures_not_read(document: dict[str, Any]) -> tuple[str, ...]:
-    """A sentence about textures in KTX2, which no library of ours decodes."""
-    images = document.get("images", [])
-    names = [
-        str(image.get("name") or image.get("uri") or f"image {number}")
-        for number, image in enumerate(images)
-        if "ktx2" in (image.get("mimeType", "") + image.get("uri", "")[-5:]).lower()
-    ]
-    if not names:
-        return ()
-    some = ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")
-    return (
-        f"{len(names)} of {len(images)} textures are KTX2, which is not read ({some}): their parts "
-        "have the plain colours of their materials; export the textures as PNG or JPEG",
-    )
 
 
 GLTF = Format(
@@ -207,7 +197,8 @@ _COUNTED_LINE = re.compile(r"^(?:v|vt|vn|f)[ \t].*$", flags=re.MULTILINE)
 def read_obj(path: Path, data: bytes, references: References) -> AssetContent:
     """Read one surface per object (or group, where there are no objects) and material."""
     text = absolute_indices(data.decode(errors="replace"))
-    references.materials = used_materials(text)
+    names = re.findall(r"^usemtl[ \t]+(\S+)", text, flags=re.MULTILINE)
+    references.materials = tuple(dict.fromkeys(names))
     objects = re.search(r"^o[ \t]+\S", text, flags=re.MULTILINE) is not None
     scene = parse_scene(
         path,
@@ -238,14 +229,13 @@ def absolute_indices(text: str) -> str:
         if kind != "f":
             count[kind] += 1
             return match.group()
-        return " ".join(["f", *(_absolute_corner(corner, count) for corner in rest)])
+        corners = []
+        for corner in rest:
+            pairs = zip(corner.split("/"), count.values(), strict=False)
+            corners.append("/".join(str(n + 1 + int(i)) if i[:1] == "-" else i for i, n in pairs))
+        return " ".join(["f", *corners])
 
     return _COUNTED_LINE.sub(absolute, text)
-
-
-def _absolute_corner(corner: str, count: dict[str, int]) -> str:
-    pairs = zip(corner.split("/"), count.values(), strict=False)
-    return "/".join(str(n + 1 + int(i)) if i.startswith("-") else i for i, n in pairs)
 
 
 # COLLADA: unit and up axis are in the file.
@@ -288,7 +278,8 @@ def read_off(path: Path, data: bytes, references: References) -> AssetContent:
     if any(int(w[0]) >= len(w) for w in polygons):
         raise ValueError("a face announces more corners than it has")
     corners = [[int(i) for i in w[1 : int(w[0]) + 1]] for w in polygons]
-    triangles = _fans(corners)
+    fans = [(p[0], p[i], p[i + 1]) for p in corners for i in range(1, len(p) - 1)]
+    triangles = np.array(fans, dtype=np.int64).reshape(-1, 3)
     mesh = trimesh.Trimesh(points.reshape(-1, 3), triangles, process=False, validate=False)
     return AssetContent(
         [NamedSurface(mesh)] if len(triangles) else [], cloud=points if len(points) else None
@@ -296,12 +287,6 @@ def read_off(path: Path, data: bytes, references: References) -> AssetContent:
 
 
 OFF = Format("OFF", (".off",), read=read_off)
-
-
-def _fans(polygons: list[list[int]]) -> np.ndarray:
-    """Triangles (n, 3) that fan out from the first corner of each polygon."""
-    triangles = [(p[0], p[i], p[i + 1]) for p in polygons for i in range(1, len(p) - 1)]
-    return np.array(triangles, dtype=np.int64).reshape(-1, 3)
 
 
 # 3MF: the unit is in the model, +Z up by the standard.
@@ -390,23 +375,18 @@ def read_ply_surface(path: Path, data: bytes, references: References) -> AssetCo
     scene = parse_scene(path, data, references)
     surfaces = [NamedSurface(mesh) for _, mesh in surface_meshes(scene)]
     if not surfaces:
-        surfaces = [
-            NamedSurface(mesh) for g in scene.geometry.values() for mesh in _strips(path, g)
-        ]
+        # A text PLY's element ``tristrips``, which trimesh reads and leaves aside
+        for geometry in scene.geometry.values():
+            raw = geometry.metadata.get("_ply_raw", {}).get("tristrips", {}).get("data")
+            if raw is not None:
+                (columns,) = raw.values() if isinstance(raw, dict) else [raw[raw.dtype.names[0]]]
+                rows = [np.ravel(row).astype(np.int64) for row in columns]
+                meshes = _triangles(path, geometry.vertices, rows)
+                surfaces += [NamedSurface(mesh) for mesh in meshes]
     return AssetContent(surfaces, cloud=None if surfaces else cloud_of(scene))
 
 
 PLY_SURFACE = Format("PLY surface, splats or cloud", (".ply",), read=read_ply_surface)
-
-
-def _strips(path: Path, geometry: Any) -> Iterator[trimesh.Trimesh]:
-    """Triangles of a text PLY's element ``tristrips``, which trimesh reads and leaves aside."""
-    raw = geometry.metadata.get("_ply_raw", {}).get("tristrips", {}).get("data")
-    if raw is None:
-        return
-    (columns,) = raw.values() if isinstance(raw, dict) else [raw[raw.dtype.names[0]]]
-    rows = [np.ravel(row).astype(np.int64) for row in columns]
-    yield from _triangles(path, geometry.vertices, rows)
 
 
 def _triangles(

@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from ...fem.mesh import area_vectors, face_areas
 from ...fem.table import WallShare
 from .surface import (
     Surface,
@@ -19,6 +20,9 @@ from .surface import (
     open_components,
 )
 from .triangles import (
+    Faces,
+    Places,
+    Points,
     Triangles,
     WindingNumber,
     closest,
@@ -55,17 +59,17 @@ class Shell:
     part: np.ndarray
     cavity: Triangles | None = None
 
-    @property
+    @cached_property
     def volume(self) -> float:
         """Volume [m^3] that it encloses, without the cavity."""
         hole = 0.0 if self.cavity is None else max(enclosed_volume(self.cavity), 0.0)
         return abs(enclosed_volume(Triangles(self.points, self.faces))) - hole
 
-    def contains(self, where: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, "n"]:
+    def contains(self, where: Places) -> Bool[np.ndarray, "n"]:
         """Whether points [m] lie inside, by the fast winding number."""
         return self.depth(where) > 0
 
-    def depth(self, where: Float[np.ndarray, "n 3"]) -> Int[np.ndarray, "n"]:
+    def depth(self, where: Places) -> Int[np.ndarray, "n"]:
         """How many bodies of the shell points [m] lie in, 0 outside and in the cavity."""
         corners = self.points[self.faces].reshape(-1, 3)
         lo, hi = corners.min(axis=0), corners.max(axis=0)
@@ -96,12 +100,6 @@ class Shell:
         """Winding number of its cavity, if it has one."""
         return self.cavity and WindingNumber(*self.cavity)
 
-    def nearest_part(self, where: Float[np.ndarray, "n 3"]) -> Int[np.ndarray, "n"]:
-        """Part of the nearest face."""
-        if (self.part == self.part[0]).all() or not len(where):
-            return np.full(len(where), self.part[0], dtype=np.int64)
-        return self.part[closest(where, self.points, self.faces).face]
-
 
 @dataclass(frozen=True, eq=False)
 class Plates:
@@ -123,7 +121,7 @@ class Plates:
         volume = np.abs(component_volumes(surface)[thin])
         return cls(_of_components(surface, thin), thinnest, thickness[thin], volume)
 
-    def contain(self, where: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, "n"]:
+    def contain(self, where: Places) -> Bool[np.ndarray, "n"]:
         """Whether points [m] lie inside one."""
         return np.abs(winding_numbers(self.surface.points, self.surface.faces, where)) > INSIDE
 
@@ -170,12 +168,11 @@ class Solids:
 
     def clean_triangles(self) -> Triangles:
         """Return all faces that have an area, on the points that they use."""
-        a, b, c = (self.surface.points[self.surface.faces[:, i]] for i in range(3))
-        proper = np.linalg.norm(np.cross(b - a, c - a), axis=1) > 0
+        proper = face_areas(self.surface.points, self.surface.faces) > 0
         used, faces = np.unique(self.surface.faces[proper], return_inverse=True)
         return Triangles(self.surface.points[used], faces.reshape(-1, 3))
 
-    def label(self, where: Float[np.ndarray, "n 3"]) -> Int[np.ndarray, "n"]:
+    def label(self, where: Places) -> Int[np.ndarray, "n"]:
         """Part that each point [m] lies in, -1 outside.
 
         Where shells overlap the one that holds the smallest volume wins, so that what is nested
@@ -184,7 +181,10 @@ class Solids:
         label = np.full(len(where), -1, dtype=np.int64)
         for shell in self.largest_first:
             inside = np.flatnonzero(shell.contains(where))
-            label[inside] = shell.nearest_part(where[inside])
+            label[inside] = shell.part[0]
+            if (shell.part != shell.part[0]).any() and len(inside):
+                face = closest(where[inside], shell.points, shell.faces).face
+                label[inside] = shell.part[face]
         return label
 
     @cached_property
@@ -199,17 +199,15 @@ def sheet_faces(surface: Surface, *, thinnest: float) -> Bool[np.ndarray, "faces
 
 
 def _solid(surface: Surface, thinnest: float) -> Bool[np.ndarray, "components"]:
-    thick = open_components(surface) | (_thickness(surface) >= thinnest)
-    # Whether each component encloses a volume: it is closed, or open but more than a sheet
-    is_open = open_components(surface)
-    encloses = is_open | (component_volumes(surface) != 0)
-    joint = is_open
+    """Components that enclose a volume: closed and thick, or open but more than a sheet."""
+    joint = is_open = open_components(surface)
     while joint.any():
         held = joint & _bounds(_of_components(surface, joint | ~is_open), len(is_open))
         if (held == joint).all():
             break
         joint = held
-    return np.where(is_open, joint, encloses) & thick
+    thick = (component_volumes(surface) != 0) & (_thickness(surface) >= thinnest)
+    return np.where(is_open, joint, thick)
 
 
 def _thickness(surface: Surface) -> Float[np.ndarray, "components"]:
@@ -228,19 +226,20 @@ def _of_components(surface: Surface, which: Bool[np.ndarray, "components"]) -> S
 
 def _bounds(surface: Surface, count: int) -> Bool[np.ndarray, "components"]:
     """Which of ``count`` components have an inside and an outside by most of their area."""
-    a, b, c = (surface.points[surface.faces[:, i]] for i in range(3))
-    normal = np.cross(b - a, c - a)
+    normal = area_vectors(surface.points, surface.faces)
     area = np.maximum(np.linalg.norm(normal, axis=1), np.finfo(float).tiny)
-    asked, weight = _asked(surface.component, area)
+    component = surface.component
+    asked, weight = _asked(component, area)
     step = SHEET_DEPTH * np.linalg.norm(np.ptp(surface.points, axis=0)) * normal / area[:, None]
-    probes = np.einsum("pk,kfi->pfi", PROBES, np.stack([a[asked], b[asked], c[asked]]))
+    corners = surface.points[surface.faces[asked]]
+    probes = np.einsum("pk,fki->pfi", PROBES, corners)
     sides = np.stack([probes - step[asked], probes + step[asked]])
     winding = winding_numbers(surface.points, surface.faces, sides.reshape(-1, 3))
     low, high = np.sort(np.abs(winding).reshape(sides.shape[:3]), axis=0)
     whole = (np.abs(low - np.round(low)) < CRISP) & (np.abs(high - np.round(high)) < CRISP)
     crisp = (whole & (np.round(high) >= 1)).all(axis=0)  # also of a wall between two insides
-    total = np.bincount(surface.component, weights=area, minlength=count)
-    share = np.bincount(surface.component[asked], weights=weight * crisp, minlength=count)
+    total = np.bincount(component, weights=area, minlength=count)
+    share = np.bincount(component[asked], weights=weight * crisp, minlength=count)
     return share >= SHEET_SHARE * np.where(total > 0, total, 1)
 
 
@@ -254,9 +253,8 @@ def _asked(
     start = np.searchsorted(component[order], component[order])
     before = np.concatenate([[0.0], upto])[start]
     total = np.bincount(component, weights=area)[component[order]]
-    middle = (upto - before - area[order] / 2) / total
-    share = np.clip(np.floor(most * middle), 0, most - 1).astype(np.int64)
-    key = component[order] * most + share
+    share = np.floor(most * (upto - before - area[order] / 2) / total)
+    key = component[order] * most + np.clip(share, 0, most - 1).astype(np.int64)
     _, first, group = np.unique(key, return_index=True, return_inverse=True)
     return order[first], np.bincount(group.reshape(-1), weights=area[order])
 
@@ -292,20 +290,12 @@ def _shells(surface: Surface) -> Iterator[Shell]:
         yield Shell(surface.points, surface.faces[group], surface.part[group])
 
 
-# The layer under a surface: how much of a body its wall is, without a mesh of the wall.
-
 SAMPLES = 16_000  # shares to about half a per cent
 SEED = 0  # the same body has the same wall
 REACHED = 1e-3  # of its depth: round-off of the distance back to the face that a point lies under
 
 
-def wall_share(
-    points: Float[np.ndarray, "points 3"],
-    faces: Int[np.ndarray, "faces 3"],
-    wall: float,
-    *,
-    samples: int = SAMPLES,
-) -> WallShare:
+def wall_share(points: Points, faces: Faces, wall: float, *, samples: int = SAMPLES) -> WallShare:
     """Shares of volume and bending of the layer within ``wall`` [m] of a closed, outward surface.
 
     Points are dropped from random places of the surface to random depths; those that are nearer to
@@ -319,41 +309,31 @@ def wall_share(
     depth = wall * (np.arange(samples) + rng.random(samples)) / samples
     under = where - depth[:, None] * normal
     own = closest(under, points, faces).distance >= depth * (1 - REACHED)
-    corners = points[faces]
-    area = np.linalg.norm(
-        np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1
-    ).sum()
-    volume, centre, moment = _solid_moments(corners)
+    # Volume [m^3], centroid [m] and integral of x x^T about it [m^5]. Over a tet with a corner at
+    # the origin: 6 V / 120 (sum of p p^T + s s^T), s the sum of p.
+    origin = points[faces].mean(axis=(0, 1))
+    corners = points[faces] - origin
+    six, total = np.linalg.det(corners), corners.sum(axis=1)
+    volume = float(six.sum() / 6)
+    centre = (six[:, None] * total).sum(axis=0) / 24 / volume
+    outer = np.einsum("f,fki,fkj->ij", six, corners, corners)
+    outer += np.einsum("f,fi,fj->ij", six, total, total)
+    moment = outer / 120 - volume * np.outer(centre, centre)
+    centre += origin
     axis = np.linalg.eigh(moment)[1][:, 0]
     z = (under[own] - centre) @ axis
-    layer = area / 2 * wall / samples
+    layer = face_areas(points, faces).sum() * wall / samples
     bending = layer * float(z @ z) / float(axis @ moment @ axis)
     return WallShare(min(float(layer * own.sum() / volume), 1.0), min(float(bending), 1.0))
 
 
-def _solid_moments(corners: Float[np.ndarray, "faces 3 3"]):
-    """Volume [m^3], centroid [m] and integral of x x^T about it [m^5] inside outward triangles."""
-    origin = corners.mean(axis=(0, 1))
-    corners = corners - origin
-    six = np.linalg.det(corners)
-    total = corners.sum(axis=1)
-    volume = six.sum() / 6
-    centre = (six[:, None] * total).sum(axis=0) / 24 / volume
-    # Over a tet with a corner at the origin: 6 V / 120 (sum of p p^T + s s^T), s the sum of p.
-    outer = np.einsum("f,fki,fkj->ij", six, corners, corners)
-    outer += np.einsum("f,fi,fj->ij", six, total, total)
-    return float(volume), centre + origin, outer / 120 - volume * np.outer(centre, centre)
-
-
-def hull_share(points: Float[np.ndarray, "points 3"], faces: Int[np.ndarray, "faces 3"]) -> float:
+def hull_share(points: Points, faces: Faces) -> float:
     """Volume inside a closed surface [m] by that of its convex hull: 1 of a ball."""
     from scipy.spatial import ConvexHull
 
     hull = ConvexHull(points[np.unique(faces)])
     return abs(enclosed_volume(Triangles(points, faces))) / hull.volume
 
-
-# Parallel surfaces: a thickness for sheets, a wall for solids that stand for hollow things.
 
 # Faces at a vertex whose normals spread by less than about 25 degrees are one smooth surface: the
 # smaller eigenvalues of their normals' covariance, (1 - cos 25) / 2, then are noise, not edges.
@@ -362,9 +342,7 @@ LONGEST_MITER = 3.0  # distances: a sharper spike is cut, as in a drawing
 KEPT_DEPTH = 0.9  # of the wall: an inner face nearer to the outer surface is none (thin places)
 
 
-def vertex_offsets(
-    points: Float[np.ndarray, "points 3"], faces: Int[np.ndarray, "faces 3"]
-) -> Float[np.ndarray, "points 3"]:
+def vertex_offsets(points: Points, faces: Faces) -> Points:
     """Move of each vertex that moves all faces around it outward by one: mitred, not averaged."""
     corners = points[faces]
     edges = np.roll(corners, -1, axis=1) - corners
@@ -421,7 +399,11 @@ def hollowed(solids: Solids, walls: Mapping[int, float]) -> Solids:
         wall = max((walls.get(int(part), 0.0) for part in np.unique(shell.part)), default=0.0)
         if wall > 0:
             inner, kept = inner_surface(shell, wall)
-            surface = _with_cavity(surface, inner, shell.part, kept)
+            added = inner.faces[kept][:, ::-1] + len(surface.points)
+            faces = np.concatenate([surface.faces, added])
+            points = np.concatenate([surface.points, inner.points])
+            part = np.concatenate([surface.part, shell.part[kept]])
+            surface = Surface(points, faces, part, edge_components(faces))
             shell = replace(shell, cavity=inner)
         shells.append(shell)
     return replace(solids, shells=tuple(shells), surface=surface)
@@ -436,12 +418,3 @@ def inner_surface(shell: Shell, wall: float) -> tuple[Triangles, Bool[np.ndarray
     middle = inner.points[inner.faces].mean(axis=1)
     deep = closest(middle, shell.points, shell.faces).distance >= KEPT_DEPTH * wall
     return inner, deep & shell.contains(middle)
-
-
-def _with_cavity(
-    surface: Surface, inner: Triangles, part: np.ndarray, kept: Bool[np.ndarray, "faces"]
-) -> Surface:
-    faces = np.concatenate([surface.faces, inner.faces[kept][:, ::-1] + len(surface.points)])
-    points = np.concatenate([surface.points, inner.points])
-    part = np.concatenate([surface.part, part[kept]])
-    return Surface(points, faces, part, edge_components(faces))

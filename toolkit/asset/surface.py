@@ -7,7 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from .triangles import ClosestTo, edge_components, sample
+from ...fem.mesh import face_areas
+from .triangles import ClosestTo, Faces, Points, edge_components, sample
 
 # Volume by area^1.5 below which the sign of an open component's volume says nothing (ball: 0.09).
 FLAT = 1e-3
@@ -21,8 +22,8 @@ class Surface(NamedTuple):
     ``points`` (n, 3) [m], ``faces`` (m, 3), ``part`` (m,), ``component`` (m,) from 0 on.
     """
 
-    points: Float[np.ndarray, "points 3"]
-    faces: Int[np.ndarray, "faces 3"]
+    points: Points
+    faces: Faces
     part: Int[np.ndarray, "faces"]
     component: Int[np.ndarray, "faces"]
 
@@ -33,7 +34,7 @@ def subset(surface: Surface, keep: Bool[np.ndarray, "faces"]) -> Surface:
     return Surface(surface.points, faces, surface.part[keep], edge_components(faces))
 
 
-def face_orientation(faces: Int[np.ndarray, "faces 3"]) -> Bool[np.ndarray, "faces"]:
+def face_orientation(faces: Faces) -> Bool[np.ndarray, "faces"]:
     """Whether the vertices of each face run in falling cyclic order: tells two windings apart."""
     a, b, c = faces.T
     return ((a > b).astype(int) + (b > c) + (c > a)) == 2
@@ -79,8 +80,7 @@ def open_components(surface: Surface) -> Bool[np.ndarray, "components"]:
 
 def component_areas(surface: Surface) -> Float[np.ndarray, "components"]:
     """Area [m^2] of every component."""
-    a, b, c = (surface.points[surface.faces[:, i]] for i in range(3))
-    area = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
+    area = face_areas(surface.points, surface.faces)
     return np.bincount(surface.component, weights=area).astype(np.float64)
 
 
@@ -94,14 +94,9 @@ def component_volumes(surface: Surface) -> Float[np.ndarray, "components"]:
     count = surface.component.max(initial=-1) + 1
     corners = surface.points[surface.faces]
     size = np.maximum(np.bincount(surface.component, minlength=count), 1)
-    centre = np.stack(
-        [
-            np.bincount(surface.component, weights=corners[:, :, k].mean(axis=1), minlength=count)
-            for k in range(3)
-        ],
-        axis=1,
-    )
-    a, b, c = np.moveaxis(corners - (centre / size[:, None])[surface.component][:, None], 1, 0)
+    sums = (np.bincount(surface.component, w, count) for w in corners.mean(axis=1).T)
+    centre = np.stack([total / size for total in sums], axis=1)
+    a, b, c = np.moveaxis(corners - centre[surface.component][:, None], 1, 0)
     six = np.einsum("fi,fi->f", np.cross(a, b), c)
     return np.bincount(surface.component, weights=six / 6, minlength=count).astype(np.float64)
 
@@ -130,8 +125,7 @@ def touching_places(surface: Surface, *, touching: float, spacing: float) -> Tou
         if not near:
             continue
         # Random points [m] of a body of which each has others within `spacing` [m]
-        a, b, c = (surface.points[own[:, i]] for i in range(3))
-        area = float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum()) / 2
+        area = float(face_areas(surface.points, own).sum())
         count = int(np.clip(PER_SQUARE * area / spacing**2, 1, MOST_SAMPLES))
         places = sample(surface.points, own, rng=np.random.default_rng(0), count=count).where
         around = [(places >= low[n] - touching) & (places <= high[n] + touching) for n in near]
@@ -195,14 +189,14 @@ class FaceEdges(NamedTuple):
     count: np.ndarray
 
 
-def face_edges(faces: Int[np.ndarray, "faces 3"]) -> FaceEdges:
+def face_edges(faces: Faces) -> FaceEdges:
     """Number the edges of triangles."""
     directed = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
     found = equal_rows(np.column_stack([directed.min(axis=1), directed.max(axis=1)]))
     return FaceEdges(directed, found.group, found.count)
 
 
-def bounds_itself(faces: Int[np.ndarray, "faces 3"]) -> bool:
+def bounds_itself(faces: Faces) -> bool:
     """Whether every edge is run as often one way as the other: the surface has no rim.
 
     Its winding number is then a whole number that changes nowhere but across it.

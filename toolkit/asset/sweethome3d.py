@@ -104,11 +104,16 @@ def catalog(source: Source) -> list[Furniture]:
         key, _, number = name.partition("#")
         if found and number:
             fields.setdefault(number, {})[key] = value.strip()
-    return [
-        Furniture(source, item["model"].lstrip("/"), item["name"], item["category"], _size(item))
-        for item in fields.values()
-        if item.get("model", "").lower().endswith(".obj")
-    ]
+    found = []
+    for item in fields.values():
+        if item.get("model", "").lower().endswith(".obj"):
+            width, height, depth = (
+                float(item[side]) * _CENTIMETRE for side in ("width", "height", "depth")
+            )
+            model = item["model"].lstrip("/")
+            size = (width, height, depth)
+            found.append(Furniture(source, model, item["name"], item["category"], size))
+    return found
 
 
 def extract(item: Furniture, folder: str | Path) -> Path:
@@ -143,11 +148,6 @@ def _open(source: Source) -> zipfile.ZipFile:
     if source not in SOURCES:
         raise UsageError(f"sweethome3d source must be one of {', '.join(SOURCES)}, got {source!r}")
     return zipfile.ZipFile(furniture_folder() / f"{source}.sh3f")
-
-
-def _size(item: dict[str, str]) -> tuple[float, float, float]:
-    width, height, depth = (float(item[k]) * _CENTIMETRE for k in ("width", "height", "depth"))
-    return (width, height, depth)
 
 
 def _cache() -> Path:

@@ -9,7 +9,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from ...fem.mesh import FACES, equal_faces
+from ...fem.mesh import FACES, area_vectors, equal_faces
+
+# Shapes of arrays; places and points are in metres unless a function says otherwise.
+Points = Float[np.ndarray, "points 3"]
+Faces = Int[np.ndarray, "faces 3"]
+Tets = Int[np.ndarray, "tets 4"]
+Places = Float[np.ndarray, "n 3"]
 
 
 class Triangles(NamedTuple):
@@ -37,44 +43,30 @@ class Closest(NamedTuple):
     face: np.ndarray
 
 
-class Patches(NamedTuple):
-    """``faces`` (m, 3) wound coherently within each orientable ``patch`` (m,)."""
-
-    faces: np.ndarray
-    patch: np.ndarray
-
-
 class WindingNumber:
     """Generalised winding number of a surface: 1 inside a closed outward one, 0 outside.
 
     What it is computed from is kept, for many questions about one surface.
     """
 
-    def __init__(
-        self, points: Float[np.ndarray, "points 3"], faces: Int[np.ndarray, "faces 3"]
-    ) -> None:
+    def __init__(self, points: Points, faces: Faces) -> None:
         """Sort triangles [m] into a tree."""
         import igl
 
-        corners = points[faces]
-        area = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        faces = faces[area.any(axis=1)]  # a point or a line winds around nothing, and crashes igl
+        # A point or a line winds around nothing, and crashes igl.
+        faces = faces[area_vectors(points, faces).any(axis=1)]
         self._tree = igl.FastWindingNumberBVH() if len(faces) else None
         if self._tree is not None:
             self._tree.init(points, _int64(faces))
 
-    def __call__(self, where: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n"]:
+    def __call__(self, where: Places) -> Float[np.ndarray, "n"]:
         """Winding number at ``where`` [m]."""
         if self._tree is None or not len(where):
             return np.zeros(len(where))
         return np.asarray(self._tree.winding_number(where), dtype=np.float64)
 
 
-def winding_numbers(
-    points: Float[np.ndarray, "points 3"],
-    faces: Int[np.ndarray, "faces 3"],
-    where: Float[np.ndarray, "n 3"],
-) -> Float[np.ndarray, "n"]:
+def winding_numbers(points: Points, faces: Faces, where: Places) -> Float[np.ndarray, "n"]:
     """Winding number of a surface at ``where`` [m], asked once."""
     return WindingNumber(points, faces)(where)
 
@@ -82,9 +74,7 @@ def winding_numbers(
 class ClosestTo:
     """Nearest points of one surface, whose tree is kept for many questions."""
 
-    def __init__(
-        self, points: Float[np.ndarray, "points 3"], faces: Int[np.ndarray, "faces 3"]
-    ) -> None:
+    def __init__(self, points: Points, faces: Faces) -> None:
         """Sort triangles [m] into a tree."""
         import igl
 
@@ -92,7 +82,7 @@ class ClosestTo:
         self._tree = igl.AABB()
         self._tree.init(self._points, self._faces)
 
-    def __call__(self, where: Float[np.ndarray, "n 3"]) -> Closest:
+    def __call__(self, where: Places) -> Closest:
         """Nearest point for each of ``where`` [m]."""
         if not len(where):
             return Closest(np.zeros(0), np.zeros(0, np.int64))
@@ -101,16 +91,12 @@ class ClosestTo:
         return Closest(np.sqrt(np.maximum(squared, 0)), np.asarray(face, dtype=np.int64))
 
 
-def closest(
-    where: Float[np.ndarray, "n 3"],
-    points: Float[np.ndarray, "points 3"],
-    faces: Int[np.ndarray, "faces 3"],
-) -> Closest:
+def closest(where: Places, points: Points, faces: Faces) -> Closest:
     """Nearest point of a surface for each of ``where`` [m], asked once."""
     return ClosestTo(points, faces)(where)
 
 
-def edge_components(faces: Int[np.ndarray, "faces 3"]) -> Int[np.ndarray, "faces"]:
+def edge_components(faces: Faces) -> Int[np.ndarray, "faces"]:
     """Label from 0 on of the edge-connected component of every face."""
     import igl
 
@@ -119,9 +105,16 @@ def edge_components(faces: Int[np.ndarray, "faces 3"]) -> Int[np.ndarray, "faces
     return np.asarray(igl.facet_components(_int64(faces))[1], dtype=np.int64)
 
 
-def crossing_pairs(
-    points: Float[np.ndarray, "points 3"], faces: Int[np.ndarray, "faces 3"]
-) -> Int[np.ndarray, "pairs 2"]:
+def linked_groups(count: int, a: np.ndarray, b: np.ndarray) -> Int[np.ndarray, "count"]:
+    """Label from 0 on of the group of each of ``count`` things that pairs of ``a``, ``b`` link."""
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import connected_components
+
+    graph = coo_matrix((np.ones(len(a)), (a, b)), shape=(count, count))
+    return connected_components(graph, directed=False)[1]
+
+
+def crossing_pairs(points: Points, faces: Faces) -> Int[np.ndarray, "pairs 2"]:
     """Pairs of faces that intersect and do not lie in one plane, by exact predicates."""
     from igl.predicates import find_self_intersections
 
@@ -132,37 +125,14 @@ def crossing_pairs(
     return np.asarray(pairs, np.int64).reshape(-1, 2)[crossing]
 
 
-class Collapsed(NamedTuple):
-    """A surface with fewer triangles, and the one of the given faces that ``birth`` (m,) names."""
-
-    points: np.ndarray
-    faces: np.ndarray
-    birth: np.ndarray
-
-
-def collapsed(surface: Triangles, count: int) -> Collapsed:
-    """Collapse edges, the flattest first, to ``count`` triangles.
-
-    The surface must be edge-manifold and coherently wound: on others libigl may never return.
-    """
-    import igl
-
-    points, faces, birth, _ = igl.qslim(surface.points, _int64(surface.faces), count)
-    return Collapsed(
-        np.asarray(points, np.float64),
-        np.asarray(faces, np.int64),
-        np.asarray(birth, np.int64).reshape(-1),
-    )
-
-
-def coherent_patches(faces: Int[np.ndarray, "faces 3"]) -> Patches:
-    """Wind the faces of every orientable patch the same way round."""
+def coherent_patches(faces: Faces) -> tuple[np.ndarray, np.ndarray]:
+    """Faces wound the same way round within each orientable patch, and the patch of each."""
     import igl
 
     if not len(faces):
-        return Patches(faces, np.zeros(0, np.int64))
+        return faces, np.zeros(0, np.int64)
     coherent, patch = igl.bfs_orient(_int64(faces))
-    return Patches(np.asarray(coherent, np.int64), np.asarray(patch, np.int64))
+    return np.asarray(coherent, np.int64), np.asarray(patch, np.int64)
 
 
 def _int64(faces: np.ndarray) -> np.ndarray:
@@ -186,15 +156,10 @@ class Samples(NamedTuple):
 
 
 def sample(
-    points: Float[np.ndarray, "points 3"],
-    faces: Int[np.ndarray, "faces 3"],
-    *,
-    rng: np.random.Generator,
-    count: int = SAMPLES,
+    points: Points, faces: Faces, *, rng: np.random.Generator, count: int = SAMPLES
 ) -> Samples:
     """Random points of uniform density on a surface, and its vertices."""
-    corners = points[faces]
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normal = area_vectors(points, faces)
     area = np.linalg.norm(normal, axis=1)
     normal = normal / np.maximum(area, np.finfo(float).tiny)[:, None]
     # Faces without any area are drawn like each other.
@@ -202,13 +167,12 @@ def sample(
     face = rng.choice(len(area), size=count, p=share)
     u, v = np.sort(rng.random((2, count)), axis=0)
     weight = np.stack([u, v - u, 1 - v], axis=1)
-    where = np.einsum("nk,nki->ni", weight, corners[face])
+    where = np.einsum("nk,nki->ni", weight, points[faces[face]])
     _, first = np.unique(faces, return_index=True)
     some = first if len(first) <= count else rng.choice(first, size=count, replace=False)
     vertices = faces.reshape(-1)[some]
     return Samples(
-        np.concatenate([where, points[vertices]]),
-        np.concatenate([normal[face], normal[some // 3]]),
+        np.concatenate([where, points[vertices]]), np.concatenate([normal[face], normal[some // 3]])
     )
 
 
@@ -220,7 +184,7 @@ class Facets(NamedTuple):
     right: np.ndarray
 
 
-def facets(tets: Int[np.ndarray, "tets 4"]) -> Facets:
+def facets(tets: Tets) -> Facets:
     """All inner faces of a tet mesh, once each."""
     faces = tets[:, FACES].reshape(-1, 3)
     order, same = equal_faces(faces)
@@ -228,9 +192,7 @@ def facets(tets: Int[np.ndarray, "tets 4"]) -> Facets:
     return Facets(np.sort(faces[left], axis=1), left // 4, right // 4)
 
 
-def interface_faces(
-    tets: Int[np.ndarray, "tets 4"], region: Int[np.ndarray, "tets"]
-) -> Int[np.ndarray, "faces 3"]:
+def interface_faces(tets: Tets, region: Int[np.ndarray, "tets"]) -> Faces:
     """Faces between two tets of different regions, once each."""
     faces, left, right = facets(tets)
     return faces[region[left] != region[right]]
@@ -251,12 +213,12 @@ class Boxes(NamedTuple):
         """Volume [m^3] of one."""
         return float(self.size.prod())
 
-    def corners(self) -> Float[np.ndarray, "n 3"]:
+    def corners(self) -> Places:
         """Lower corners [m]."""
         grid = np.meshgrid(*map(np.arange, self.shape), indexing="ij")
         return self.lo + np.stack(grid, axis=-1).reshape(-1, 3) * self.size
 
-    def centres(self) -> Float[np.ndarray, "n 3"]:
+    def centres(self) -> Places:
         """Centres [m]."""
         return self.corners() + self.size / 2
 
@@ -289,7 +251,7 @@ class Boxes(NamedTuple):
 
 def stratified(
     bounds: Float[np.ndarray, "2 3"], *, rng: np.random.Generator, count: int
-) -> tuple[Boxes, Float[np.ndarray, "n 3"]]:
+) -> tuple[Boxes, Places]:
     """About ``count`` equal boxes that fill ``bounds`` [m], and one random point [m] in each."""
     lo, size = bounds[0], bounds[1] - bounds[0]
     size = np.maximum(size, FLATTEST * size.max())
@@ -298,7 +260,7 @@ def stratified(
     return boxes, boxes.within(np.ones(shape.prod(), dtype=bool), 1, rng=rng)
 
 
-Label = Callable[[Float[np.ndarray, "n 3"]], Int[np.ndarray, "n"]]
+Label = Callable[[Places], Int[np.ndarray, "n"]]
 
 
 class Inside(NamedTuple):
@@ -359,9 +321,7 @@ def inside(
     return Inside(where, labels, cells, part.error)
 
 
-def _labels(
-    label: Label, where: Float[np.ndarray, "n 3"], group: Int[np.ndarray, "n"]
-) -> Int[np.ndarray, "n"]:
+def _labels(label: Label, where: Places, group: Int[np.ndarray, "n"]) -> Int[np.ndarray, "n"]:
     """Labels of points [m], asked once for all of a group; those in group -1 are alone."""
     alone = np.flatnonzero(group < 0)
     _, first, of_all = np.unique(group, return_index=True, return_inverse=True)
@@ -370,7 +330,7 @@ def _labels(
     return out
 
 
-def _of(where: Float[np.ndarray, "n 3"], labels: Int[np.ndarray, "n"], cell: float) -> Inside:
+def _of(where: Places, labels: Int[np.ndarray, "n"], cell: float) -> Inside:
     """Keep the points inside, of those that stand for ``cell`` [m^3] each."""
     held = np.flatnonzero(labels >= 0)
     share = len(held) / max(len(where), 1)

@@ -2,5 +2,5 @@
 
 In: an asset of named surfaces [m], or a file of tets.
 Out: one watertight tet mesh [m] with a region a part, and its report.
-Read: convert, losses, meshers, ftetwild, stuffing, messages.
+Read: convert, guarantees, meshers, ftetwild, stuffing, messages.
 """

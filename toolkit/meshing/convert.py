@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,17 +17,21 @@ from ...predictors.asset import Asset, Part
 from ..asset.cache import Runner
 from ..asset.child import ChildFailure, Progress
 from ..asset.repair import WELD_REL, Closing, RepairReport, repair
-from ..asset.solids import Plates, Shell, Solids, hollowed, sheet_faces, thickened
+from ..asset.solids import Shell, Solids, hollowed, sheet_faces, thickened
 from ..asset.surface import Surface
 from ..asset.triangles import Triangles, closest, edge_components, enclosed_volume
 from .ftetwild import EngineTarget, Filling, LatticeFit, NoFilling
 from .guarantees import (
     BROKEN,
     ENVELOPE_SHARE,
+    MOST_LOST,
     Attempt,
     ConversionReport,
     Distances,
     Engine,
+    FileLosses,
+    FileSamples,
+    FileSurface,
     Guarantee,
     InputVolume,
     Region,
@@ -35,17 +39,18 @@ from .guarantees import (
     guarantees,
     input_volume,
     lattice_guarantees,
+    losses,
     measure_distances,
 )
-from .losses import MOST_LOST, FileLosses, FileSamples, FileSurface, losses
 from .meshers import AUTO, FTETWILD, MESHERS, QUICK_TRIANGLES, STUFFING, chosen_mesher
 from .messages import differences, left_out, likely_hollow, listed, no_mesh, no_volume, said
 from .quality import Quality, quality
 from .stuffing.mesher import resolving
 
-VOLUME_TOLD = 0.01  # relative error of a part's volume in a lattice
-GAP_TOLD = 1e-3  # share of all surface from which tets reach over a gap: four rays
-THIN_TOLD = 0.05  # share of a part's surface where it is thinner than the lattice's edge
+# What a lattice may miss without a warning.
+BAD_VOLUME = 0.01  # relative error of a part's volume in a lattice
+CLOSED_SURFACE = 1e-3  # share of all surface from which tets reach over a gap: four rays
+THIN_SURFACE = 0.05  # share of a part's surface where it is thinner than the lattice's edge
 
 
 def tetrahedralize(
@@ -99,84 +104,36 @@ def tetrahedralize(
     target = EngineTarget.of(diagonal, rel, epsilon_rel, stop_energy, layers)
     target = target.on_lattice(max_tets, sharp=not asset.sampled)
     target = replace(target, most_triangles=QUICK_TRIANGLES if mesher == AUTO else None)
-    walls = _walls(asset, wall, part_wall or {})
     names = asset.part_names
-    held = {
-        p: wall for p, wall in walls.items() if wall >= target.epsilon and names[p] not in solid
+    walls = {
+        part: wall
+        for part, wall in _walls(asset, wall, part_wall or {}).items()
+        if wall >= target.epsilon and names[part] not in solid
     }
     runner = Runner(time_limit, memory_limit, progress, cache).checked()
-    preparation = Preparation.of(asset, thinnest=target.envelope, thicken=thicken, walls=held)
-    problem, ready = _problem(asset, target, preparation, runner, rng, lossy=accept_broken)
-    found = _found(asset, problem, mesher, max_tets, whole=ready.closing.whole)
-    if found.made is None or not (found.kept or accept_broken):
-        raise NoVolumeError(no_mesh(asset, found.record))
-    made = found.made
-    report = _report(asset, problem, made, found.record, ready, solid, seed)
-    mesh = replace(made.mesh, points=made.mesh.points + asset.bounds.mean(axis=0))
-    told = said(report, layers, max_tets)
-    return mesh, replace(report, warnings=told, differences=differences(report))
-
-
-def _problem(
-    asset: Asset,
-    target: EngineTarget,
-    preparation: Preparation,
-    runner: Runner,
-    rng: np.random.Generator,
-    *,
-    lossy: bool,
-) -> tuple[Problem, Prepared]:
-    """The solids that are to be meshed and who judges the result, and how they were prepared."""
+    preparation = Preparation.of(asset, thinnest=target.envelope, thicken=thicken, walls=walls)
     ready = preparation.prepared(epsilon=target.epsilon, rng=rng)
     if not ready.solids.shells:
         raise NoVolumeError(no_volume(asset, target.envelope))
-    if not (ready.losses.bearable or lossy):
+    if not (ready.losses.bearable or accept_broken):
         raise NoVolumeError(left_out(asset, ready.losses, target.envelope))
     volume = input_volume(ready.solids, len(asset.parts), rng=rng)
-    judge = _judged(asset, ready, volume, rng)
-    return Problem(ready.solids, target, volume, ready.again, runner, judge), ready
-
-
-def _found(
-    asset: Asset, problem: Problem, mesher: str, max_tets: int | None, *, whole: bool
-) -> Attempts:
-    """What the attempts of the ``mesher``, or of the automatic one, gave.
-
-    The automatic one puts guarantees before the edge that a lattice was to have.
-    """
-    name = chosen_mesher(mesher, sampled=asset.sampled or whole)
-    free = problem._replace(mesher=name, target=problem.target.unless_finer(problem.volume.total))
-    if mesher == AUTO and not asset.sampled:
-        return mesh_within(free, max_tets)
-    found = mesh_within(problem._replace(mesher=name), max_tets)
-    if mesher != AUTO or found.kept or not problem.target.edge_is_given:
-        return found
-    finer = mesh_within(free, max_tets)
-    best = finer.made if finer.kept else found.made or finer.made
-    return Attempts(best, found.record + finer.record)
-
-
-def _judged(
-    asset: Asset, ready: Prepared, volume: InputVolume, rng: np.random.Generator
-) -> Callable[[Filling, float], Made]:
-    """What measures a filling of the solids and holds it against epsilon [m]."""
-
-    def judge(filling: Filling, epsilon: float) -> Made:
-        mesh = _mesh(filling, asset.part_names)
-        measured = quality(mesh)
-        gaps = measure_distances(
-            mesh, ready.solids, epsilon=epsilon, rng=rng, reference=ready.reference
-        )
-        if ready.preparation.walls:  # the inner side of a wall is far from the file too
-            gaps = replace(gaps, bridged_share=0.0)
-        if filling.lattice is None:
-            promised = guarantees(mesh, measured, volume, gaps, epsilon, asset.part_names)
-        else:
-            parted = _parted_volume(filling.lattice, mesh, asset.part_names)
-            promised = lattice_guarantees(mesh, measured, volume, parted)
-        return Made(filling, mesh, gaps, measured, promised, epsilon)
-
-    return judge
+    name = chosen_mesher(mesher, sampled=asset.sampled or ready.closing.whole)
+    problem = Problem(asset, ready, volume, target, runner, rng, name, max_tets)
+    free = replace(problem, target=target.unless_finer(volume.total))
+    automatic = mesher == AUTO
+    best, attempts = mesh_within(free if automatic and not asset.sampled else problem)
+    if automatic and asset.sampled and target.edge_is_given and (best is None or best.broken):
+        # Guarantees before the edge that the lattice was to have
+        finer, more = mesh_within(free)
+        best = finer if best is None or (finer and not finer.broken) else best
+        attempts += more
+    if best is None or (best.broken and not accept_broken):
+        raise NoVolumeError(no_mesh(asset, attempts))
+    report = _report(problem, best, attempts, solid, seed)
+    mesh = replace(best.mesh, points=best.mesh.points + asset.bounds.mean(axis=0))
+    sentences = said(report, layers, max_tets)
+    return mesh, replace(report, warnings=sentences, differences=differences(report))
 
 
 def _walls(asset: Asset, wall: float | None, part_wall: Mapping[str, float]) -> dict[int, float]:
@@ -194,100 +151,66 @@ def _walls(asset: Asset, wall: float | None, part_wall: Mapping[str, float]) -> 
     return walls
 
 
-def _mesh(filling: Filling, names: tuple[str, ...]) -> TetMesh:
-    """Tets with a region for each part that has any."""
-    present, region = np.unique(filling.part, return_inverse=True)
-    return TetMesh(
-        filling.mesh.points,
-        filling.mesh.tets,
-        region.reshape(-1).astype(np.int32),
-        region_names=tuple(names[i] for i in present),
-    )
-
-
 def _report(
-    asset: Asset,
-    problem: Problem,
-    made: Made,
-    attempts: tuple[Attempt, ...],
-    ready: Prepared,
-    solid: Sequence[str],
-    seed: int,
+    problem: Problem, made: Made, attempts: tuple[Attempt, ...], solid: Sequence[str], seed: int
 ) -> ConversionReport:
-    """Measure everything that the conversion promises."""
-    hollow = likely_hollow(asset, made.mesh, ready.preparation.walls)
-    mesh, solids, filling, names = made.mesh, problem.solids, made.filling, asset.part_names
-    thin = _thin(solids.plates, names)
+    """Everything that the conversion promises, and what a user would not expect."""
+    asset, ready, mesh, filling = problem.asset, problem.ready, made.mesh, made.filling
+    names, walls, plates = asset.part_names, ready.preparation.walls, ready.solids.plates
+    thin = ThinPieces()
+    if len(plates.volume):
+        thin = ThinPieces(
+            len(plates.volume),
+            tuple(str(names[p]) for p in np.unique(plates.surface.part)),
+            plates.thinnest,
+            plates.thickness_of(1 - MOST_LOST),
+        )
     missing = [name for name in names if name not in (*mesh.region_names, *thin.parts)]
-    sheets = tuple(names[i] for i in solids.sheets if names[i] in missing)
-    tets = np.bincount(mesh.region, minlength=len(mesh.region_names))
+    sheets = tuple(names[i] for i in ready.solids.sheets if names[i] in missing)
+    tets = np.bincount(mesh.region, minlength=len(mesh.region_names)).tolist()
+    by_part = dict(zip(names, problem.volume.by_part.tolist(), strict=True))
+    fit = filling.lattice or LatticeFit({}, {}, {}, {})
+
+    def named(shares: Mapping[int, float], least: float = 0.0) -> tuple[tuple[str, float], ...]:
+        return tuple((names[part], s) for part, s in shares.items() if abs(s) > least)
+
     return ConversionReport(
         repair=ready.repair,
         attempts=attempts,
         guarantees=(*made.guarantees, ready.kept_volume),
         quality=made.quality,
         regions=tuple(
-            Region(
-                name,
-                int(count),
-                float(filled),
-                float(problem.volume.by_part[list(names).index(name)]),
-            )
-            for name, count, filled in zip(
-                mesh.region_names, tets, mesh.region_volumes(), strict=True
+            Region(name, count, volume, by_part[name])
+            for name, count, volume in zip(
+                mesh.region_names, tets, mesh.region_volumes().tolist(), strict=True
             )
         ),
         diagonal=filling.target.diagonal,
         edge_length=filling.target.edge_length,
         epsilon=made.epsilon,
         input_volume=problem.volume.total,
-        distances=made.gaps,
+        distances=made.distances,
         split_edges=filling.mesh.split_edges,
         doubled_points=filling.mesh.doubled_points,
         layers=filling.target.layers,
         mesher=FTETWILD if filling.lattice is None else STUFFING,
-        **_fit(filling.lattice, names),
+        beads=fit.beads,
+        off_volume=named(fit.volume_errors, BAD_VOLUME),
+        thin_parts=named(fit.thin_shares, THIN_SURFACE),
+        fallen_apart=named(fit.parted_shares),
+        closed_gaps=named(fit.closed_shares, CLOSED_SURFACE),
         losses=ready.losses,
         sheets=sheets,
         thin=thin,
         lost=tuple(name for name in missing if name not in sheets),
-        hollow=tuple(name for name in hollow if name not in solid),
-        walls=tuple(names[p] for p in ready.preparation.walls if names[p] in mesh.region_names),
+        hollow=tuple(name for name in likely_hollow(asset, mesh, walls) if name not in solid),
+        walls=tuple(names[p] for p in walls if names[p] in mesh.region_names),
         whole=ready.closing.whole,
         seed=seed,
     )
 
 
-def _thin(plates: Plates, names: Sequence[str]) -> ThinPieces:
-    """What is said of the closed pieces that are left out."""
-    if not len(plates.volume):
-        return ThinPieces()
-    parts = tuple(str(names[p]) for p in np.unique(plates.surface.part))
-    thickness = plates.thickness_of(1 - MOST_LOST)
-    return ThinPieces(len(plates.volume), parts, plates.thinnest, thickness)
-
-
-def _fit(lattice: LatticeFit | None, names: Sequence[str]) -> dict[str, Any]:
-    """Fields of the report for a lattice: the parts that it does not fit."""
-    if lattice is None:
-        return {}
-    errors, shares, parted, closed, beads = lattice
-    return {
-        "beads": beads,
-        "off_volume": tuple((names[p], e) for p, e in errors.items() if abs(e) > VOLUME_TOLD),
-        "thin_parts": tuple((names[p], s) for p, s in shares.items() if s > THIN_TOLD),
-        "fallen_apart": tuple((names[p], s) for p, s in parted.items()),
-        "closed_gaps": tuple((names[p], s) for p, s in closed.items() if s > GAP_TOLD),
-    }
-
-
-def _parted_volume(lattice: LatticeFit, mesh: TetMesh, names: Sequence[str]) -> float:
-    """Volume [m^3] of the pieces that have come off."""
-    volume = dict(zip(mesh.region_names, mesh.region_volumes().tolist(), strict=True))
-    return sum(share * volume[names[part]] for part, share in lattice.parted_shares.items())
-
-
-# Attempts at a mesh: as asked, repaired harder, coarser, wrapped; every one is on record.
+# The attempts: as asked, repaired harder, coarser, wrapped; each is judged and put on record.
 
 log = logging.getLogger(__name__)
 
@@ -311,7 +234,7 @@ class Made(NamedTuple):
 
     filling: Filling
     mesh: TetMesh
-    gaps: Distances
+    distances: Distances
     quality: Quality
     guarantees: tuple[Guarantee, ...]
     epsilon: float
@@ -330,66 +253,74 @@ class Made(NamedTuple):
     @property
     def rank(self) -> tuple[int, float, float]:
         """The lower, the better: broken guarantees, loose pieces, the distance in epsilons."""
-        return len(self.broken), self.parted, self.gaps.largest / self.epsilon
+        return len(self.broken), self.parted, self.distances.largest / self.epsilon
 
 
-class Attempts(NamedTuple):
-    """The best mesh, if any attempt gave one, and the record of all attempts."""
-
-    made: Made | None
-    record: tuple[Attempt, ...]
-
-    @property
-    def kept(self) -> bool:
-        """Whether there is a mesh that keeps every guarantee."""
-        return self.made is not None and not self.made.broken
-
-
-Judge = Callable[[Filling, float], Made]
-
-
-class Problem(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Problem:
     """Solids that enclose a ``volume``, what is asked of their tets, and who makes them.
 
-    ``again`` prepares the solids anew with another welding distance, a share of the diagonal;
-    ``judge`` measures a filling and holds it against epsilon [m]; ``mesher`` is a name of
-    ``MESHERS``, or ``AUTO``: the first, and a lattice where it takes too long; within a budget of
-    tets none that is too coarse is made ``finer``.
+    ``mesher`` is a name of ``MESHERS``, or ``AUTO``: the first, and a lattice where it takes too
+    long. Within a budget of ``max_tets`` none that is too coarse is made finer.
     """
 
-    solids: Solids
-    target: EngineTarget
+    asset: Asset
+    ready: Prepared
     volume: InputVolume
-    again: Callable[[float], Solids]
+    target: EngineTarget
     runner: Runner
-    judge: Judge
-    mesher: str = AUTO
-    finer: bool = True
+    rng: np.random.Generator
+    mesher: str
+    max_tets: int | None
+
+    def judged(self, filling: Filling, epsilon: float) -> Made:
+        """Measure a filling of the solids and hold it against ``epsilon`` [m]."""
+        names = self.asset.part_names
+        present, region = np.unique(filling.part, return_inverse=True)
+        mesh = TetMesh(
+            filling.mesh.points,
+            filling.mesh.tets,
+            region.reshape(-1).astype(np.int32),
+            region_names=tuple(names[i] for i in present),
+        )
+        measured = quality(mesh)
+        distances = measure_distances(
+            mesh, self.ready.solids, epsilon=epsilon, rng=self.rng, reference=self.ready.reference
+        )
+        if self.ready.preparation.walls:  # the inner side of a wall is far from the file too
+            distances = replace(distances, bridged_share=0.0)
+        if filling.lattice is None:
+            kept = guarantees(mesh, measured, self.volume, distances, epsilon, names)
+        else:
+            volumes = dict(zip(mesh.region_names, mesh.region_volumes().tolist(), strict=True))
+            parted = filling.lattice.parted_shares.items()
+            off = sum(share * volumes[names[part]] for part, share in parted)
+            kept = lattice_guarantees(mesh, measured, self.volume, off)
+        return Made(filling, mesh, distances, measured, kept, epsilon)
 
 
-def mesh_within(problem: Problem, max_tets: int | None) -> Attempts:
+def mesh_within(problem: Problem) -> tuple[Made | None, tuple[Attempt, ...]]:
     """Make a mesh, and again with a coarser target while it has more than ``max_tets`` tets.
 
     Layers of thin places are given up first: they cost the most.
     """
-    problem = problem._replace(finer=max_tets is None)
-    found = make_mesh(problem, tightening=max_tets is None)
+    best, record = make_mesh(problem)
     for _ in range(BUDGET_ROUNDS):
-        if found.made is None or max_tets is None or len(found.made.mesh.tets) <= max_tets:
+        if best is None or problem.max_tets is None or len(best.mesh.tets) <= problem.max_tets:
             break
-        target = found.made.filling.target
+        target = best.filling.target
         if target.layers > 1:
             target = replace(target, layers=1)
         else:
-            factor = BUDGET_MARGIN * (len(found.made.mesh.tets) / max_tets) ** 0.5
-            target = target.coarser(factor)
-        coarser = make_mesh(problem._replace(target=target), tightening=False)
-        made = coarser.made if coarser.kept or not found.kept else found.made
-        found = Attempts(made or found.made, found.record + coarser.record)
-    return found
+            target = target.coarser(BUDGET_MARGIN * (len(best.mesh.tets) / problem.max_tets) ** 0.5)
+        made, more = make_mesh(replace(problem, target=target))
+        record += more
+        if made is not None and (best.broken or not made.broken):
+            best = made
+    return best, record
 
 
-def make_mesh(problem: Problem, *, tightening: bool = True) -> Attempts:
+def make_mesh(problem: Problem) -> tuple[Made | None, tuple[Attempt, ...]]:
     """Try one way after the other until a mesh keeps its guarantees; all attempts are on record.
 
     A mesh counts at the epsilon of its own attempt, which is what the report states. After a
@@ -410,68 +341,39 @@ def make_mesh(problem: Problem, *, tightening: bool = True) -> Attempts:
                 break
             if not aim.beads and aim.tets > WHOLE_TETS:
                 continue  # too fine to keep a part in one piece; beads may join it
-        filling, attempt = _try(engine, aim, prepare, problem.runner)
+        made, attempt = _tried(problem, engine, aim, prepare, problem.runner)
         record.append(attempt)
-        if filling is None:
+        if made is None:
             continue
-        made = _attempts_judged(problem, filling, filling.target.epsilon)
-        if made.broken:
-            record[-1] = replace(attempt, outcome=_broken(made))
-        elif made.parted:
-            told = f"in pieces: a part lost {made.parted:.2%} of itself"
-            record[-1] = replace(attempt, outcome=told)
-        if tightening and engine != STUFFING and (made.broken or not made.gaps.good(made.epsilon)):
-            made, more = _tightened(problem._replace(target=aim), made, attempt)
-            record.append(more)
+        missed = made.broken or not made.distances.good(made.epsilon)
+        if problem.max_tets is None and engine != STUFFING and missed:
+            # In a narrower envelope, for spikes and corners that this one cut off. It may take a
+            # few times as long: an improvement, not worth a long wait.
+            limit = TIGHTER_START + TIGHTER_TIME * attempt.seconds
+            runner = replace(problem.runner, time_limit=min(problem.runner.time_limit, limit))
+            tighter = replace(aim, epsilon_rel=aim.epsilon_rel / TIGHTER)
+            again, attempt = _tried(
+                problem, "tetwild", tighter, lambda: problem.ready.solids, runner, made.epsilon
+            )
+            record.append(attempt)
+            worst = len(made.broken), max(made.distances.largest, made.epsilon)
+            if again and (len(again.broken), again.distances.largest) <= worst:
+                made = again
         best = made if best is None else min(best, made, key=lambda one: one.rank)
         if not made.broken and not made.parted:
             break
-    return Attempts(best, tuple(record))
+    return best, tuple(record)
 
 
-def _attempts_judged(problem: Problem, filling: Filling, epsilon: float) -> Made:
-    """Measure a filling, and where it breaks a guarantee also that by cells: the better one."""
-    made = problem.judge(filling, epsilon)
-    if not made.broken or filling.by_cells is None:
-        return made
-    try:
-        other = problem.judge(filling.by_cells(), epsilon)
-    except NoFilling as failure:
-        log.info("by cells: %s", failure)
-        return made
-    return min(made, other, key=lambda one: one.rank)
-
-
-def _broken(made: Made) -> str:
-    return f"{BROKEN}: {'; '.join(made.broken)}"
-
-
-def _tightened(problem: Problem, made: Made, first: Attempt) -> tuple[Made, Attempt]:
-    """One more try in a narrower envelope, for spikes and corners that the first cut off.
-
-    It may take a few times as long as the first: an improvement, not worth a long wait. What it
-    gives is held against the epsilon of the first.
-    """
-    aim = replace(problem.target, epsilon_rel=problem.target.epsilon_rel / TIGHTER)
-    limit = min(problem.runner.time_limit, TIGHTER_START + TIGHTER_TIME * first.seconds)
-    runner = replace(problem.runner, time_limit=limit)
-    filling, attempt = _try("tetwild", aim, lambda: problem.solids, runner)
-    if filling is None:
-        return made, attempt
-    again = _attempts_judged(problem, filling, made.epsilon)
-    if again.broken:
-        attempt = replace(attempt, outcome=_broken(again))
-    better = (len(again.broken), again.gaps.largest) <= (
-        len(made.broken),
-        max(made.gaps.largest, made.epsilon),
-    )
-    return again if better else made, attempt
-
-
-def _try(
-    engine: Engine, aim: EngineTarget, prepare: Callable[[], Solids], runner: Runner
-) -> tuple[Filling | None, Attempt]:
-    """One attempt: a filling or None, and what to put on record."""
+def _tried(
+    problem: Problem,
+    engine: Engine,
+    aim: EngineTarget,
+    prepare: Callable[[], Solids],
+    runner: Runner,
+    epsilon: float | None = None,
+) -> tuple[Made | None, Attempt]:
+    """One attempt, judged at ``epsilon`` [m], by default its own; None where it gave no mesh."""
     started, filling = time.monotonic(), None
     try:
         mesher = MESHERS[STUFFING if engine == STUFFING else FTETWILD]
@@ -483,7 +385,21 @@ def _try(
         outcome = f"rejected: {failure}"
     seconds = time.monotonic() - started
     log.info("%s: %s after %.1f s", engine, outcome, seconds)
-    return filling, Attempt(engine, aim.edge_length, aim.epsilon, seconds, outcome)
+    made = None
+    if filling is not None:
+        epsilon = aim.epsilon if epsilon is None else epsilon
+        made = problem.judged(filling, epsilon)
+        if made.broken and filling.by_cells is not None:
+            try:
+                other = problem.judged(filling.by_cells(), epsilon)
+                made = min(made, other, key=lambda one: one.rank)
+            except NoFilling as failure:
+                log.info("by cells: %s", failure)
+        if made.broken:
+            outcome = f"{BROKEN}: {'; '.join(made.broken)}"
+        elif made.parted:
+            outcome = f"in pieces: a part lost {made.parted:.2%} of itself"
+    return made, Attempt(engine, aim.edge_length, aim.epsilon, seconds, outcome)
 
 
 Way = tuple[Engine, EngineTarget, Callable[[], Solids]]
@@ -494,17 +410,23 @@ def _ways(problem: Problem, record: Sequence[Attempt]) -> Iterator[Way]:
 
     ``record`` grows meanwhile: with ``AUTO`` a time-out is followed by a lattice, not by others.
     """
-    yield from _lattices(problem) if problem.mesher == STUFFING else ()
+    target, ready = problem.target, problem.ready
+
+    def welded_harder() -> Solids:
+        _, solids = ready.preparation.solids(HARDER_WELD_REL, ready.closing)
+        return hollowed(solids, ready.preparation.walls)
+
     if problem.mesher == STUFFING:
+        yield from _lattices(problem)
         return
-    yield "tetwild", problem.target, lambda: problem.solids
-    yield "tetwild", problem.target, lambda: problem.again(HARDER_WELD_REL)
+    yield "tetwild", target, lambda: ready.solids
+    yield "tetwild", target, welded_harder
     if problem.mesher == AUTO and any(attempt.outcome.startswith("time") for attempt in record):
         yield from _lattices(problem)
     for factor in COARSER:
-        yield "tetwild", problem.target.coarser(factor), lambda: problem.solids
-    coarsest = problem._replace(target=problem.target.coarser(COARSER[0]))
-    yield "alpha wrap + tetwild", coarsest.target, lambda: wrapped(coarsest)
+        yield "tetwild", target.coarser(factor), lambda: ready.solids
+    coarsest = target.coarser(COARSER[0])
+    yield "alpha wrap + tetwild", coarsest, lambda: wrapped(problem, coarsest.epsilon_rel)
 
 
 def _lattices(problem: Problem) -> Iterator[Way]:
@@ -514,36 +436,35 @@ def _lattices(problem: Problem) -> Iterator[Way]:
     Surfaces that are samples have thin places by their noise: they get no finer one for these, and
     no beads.
     """
-    first, free = problem.target, problem.finer and not problem.target.edge_is_given
+    first, solids = problem.target, problem.ready.solids
+    free = problem.max_tets is None and not first.edge_is_given
     if free and first.sharp:
-        first = resolving(problem.solids, first, most=WHOLE_TETS)
-    yield STUFFING, first, lambda: problem.solids
+        first = resolving(solids, first, most=WHOLE_TETS)
+    yield STUFFING, first, lambda: solids
     for factor in FINER if free else ():
         aim = problem.target.coarser(1 / factor)
         if aim.tets > first.tets:
-            yield STUFFING, aim, lambda: problem.solids
+            yield STUFFING, aim, lambda: solids
             first = aim if aim.tets <= WHOLE_TETS else first
     if first.sharp:
-        yield STUFFING, replace(first, beads=True), lambda: problem.solids
+        yield STUFFING, replace(first, beads=True), lambda: solids
 
 
-def wrapped(problem: Problem) -> Solids:
+def wrapped(problem: Problem, epsilon_rel: float) -> Solids:
     """One watertight shell around all solids, accepted by its volume, split by nearest part."""
-    surface = problem.solids.surface
+    surface, enclosed = problem.ready.solids.surface, problem.volume.total
     wrap = problem.runner.run(
         "alpha_wrap",
         {"points": surface.points, "faces": surface.faces},
-        {"alpha_rel": WRAP_ALPHA_REL, "offset_rel": ENVELOPE_SHARE * problem.target.epsilon_rel},
+        {"alpha_rel": WRAP_ALPHA_REL, "offset_rel": ENVELOPE_SHARE * epsilon_rel},
     )
     points, faces = wrap["points"], wrap["faces"]
-    a, b, c = (points[faces[:, i]] for i in range(3))
     volume = enclosed_volume(Triangles(points, faces))
-    enclosed = problem.volume.total
     if abs(volume - enclosed) > WRAP_VOLUME_TOLERANCE * enclosed:
         raise NoFilling(f"the wrap encloses {volume:.4g} m^3, the input {enclosed:.4g} m^3")
-    part = surface.part[closest((a + b + c) / 3, surface.points, surface.faces).face]
+    part = surface.part[closest(points[faces].mean(axis=1), surface.points, surface.faces).face]
     skin = Surface(points, faces, part, edge_components(faces))
-    return replace(problem.solids, shells=(Shell(points, faces, part),), surface=skin)
+    return replace(problem.ready.solids, shells=(Shell(points, faces, part),), surface=skin)
 
 
 # An asset's surfaces made ready: repaired, sorted into solids, held against the file as read.
@@ -593,11 +514,12 @@ class Preparation:
         file, tried = FileSamples.of(FileSurface.of(self.parts), rng=rng), []
         names = [part.name for part in self.parts]
         for closing in CLOSINGS:
-            repaired, solids = self._solids(WELD_REL, closing)
+            repaired, solids = self.solids(WELD_REL, closing)
             lost = losses(file, solids, names, distance=epsilon)
             if tried and lost.gained > max(tried[0].losses.gained, MOST_GAINED):
                 continue
-            tried.append(Prepared(solids, repaired, lost, self, closing, file.surface.read))
+            reference = file.surface.read if self.thicken is None else None
+            tried.append(Prepared(solids, repaired, lost, self, closing, reference))
             if lost.bearable:
                 break
         best = min(tried, key=lambda one: one.losses.lost)
@@ -605,11 +527,8 @@ class Preparation:
             best = replace(best, losses=replace(best.losses, gained=0.0, capped=0.0))
         return replace(best, solids=hollowed(best.solids, self.walls))
 
-    def again(self, weld_rel: float, closing: Closing) -> Solids:
-        """Return the solids with another welding distance, a share of the diagonal."""
-        return hollowed(self._solids(weld_rel, closing)[1], self.walls)
-
-    def _solids(self, weld_rel: float, closing: Closing) -> tuple[RepairReport, Solids]:
+    def solids(self, weld_rel: float, closing: Closing) -> tuple[RepairReport, Solids]:
+        """Repair and sort the surfaces; vertices nearer than a share of the diagonal are one."""
         surface, repaired = repair(self.parts, weld_rel=weld_rel, closing=closing)
         if self.thicken is not None:
             sheet = sheet_faces(surface, thinnest=self.thinnest)
@@ -620,26 +539,20 @@ class Preparation:
 
 @dataclass(frozen=True, eq=False)
 class Prepared:
-    """Solids, what repair changed, what they lack of the file; how they are prepared again."""
+    """Solids, what repair changed, what they lack of the file; how they are prepared again.
+
+    ``reference`` is the surface as read that distances are measured from; None where sheets were
+    thickened.
+    """
 
     solids: Solids
     repair: RepairReport
     losses: FileLosses
     preparation: Preparation
     closing: Closing
-    read: Surface
-
-    def again(self, weld_rel: float) -> Solids:
-        """Return the solids with another welding distance, a share of the diagonal."""
-        return self.preparation.again(weld_rel, self.closing)
+    reference: Surface | None
 
     @property
     def kept_volume(self) -> Guarantee:
         """The promise that the solids hold next to all that the file encloses."""
-        told = "share of the file's volume that is left out"
-        return Guarantee(told, self.losses.lost, MOST_LOST)
-
-    @property
-    def reference(self) -> Surface | None:
-        """Surface as read that distances are measured from; None where sheets were thickened."""
-        return self.read if self.preparation.thicken is None else None
+        return Guarantee("share of the file's volume that is left out", self.losses.lost, MOST_LOST)

@@ -13,7 +13,16 @@ from ...fem.errors import UsageError
 from ...fem.mesh import boundary_faces, signed_volumes
 from ..asset.cache import Runner
 from ..asset.solids import Solids
-from ..asset.triangles import Triangles, closest, facets, sample
+from ..asset.triangles import (
+    Places,
+    Points,
+    Tets,
+    Triangles,
+    closest,
+    facets,
+    linked_groups,
+    sample,
+)
 from .guarantees import ENVELOPE_SHARE, Separated, separate
 
 EDGE_LENGTH_REL = 0.05  # of the diagonal: the edge that is wanted where none is given
@@ -61,8 +70,16 @@ class EngineTarget:
     ) -> EngineTarget:
         """Build one, checked; without an edge it is ``EDGE_LENGTH_REL``."""
         edge = EDGE_LENGTH_REL if edge_length_rel is None else edge_length_rel
-        made = cls(diagonal, edge, epsilon_rel, stop_energy, layers)
-        return replace(made, edge_is_given=edge_length_rel is not None).checked()
+        for option, value, most in (
+            ("--edge-length-rel", edge, 1.0),
+            ("--epsilon-rel", epsilon_rel, 0.1),
+        ):
+            if not 0 < value <= most:
+                raise UsageError(f"{option} must be > 0 and at most {most:g}, got {value:g}")
+        if not 1 <= layers <= MOST_LAYERS:
+            raise UsageError(f"--layers must be 1 to {MOST_LAYERS}, got {layers}")
+        given = edge_length_rel is not None
+        return cls(diagonal, edge, epsilon_rel, stop_energy, layers, edge_is_given=given)
 
     def on_lattice(self, max_tets: int | None, *, sharp: bool) -> EngineTarget:
         """Return the same with what only a lattice asks for."""
@@ -99,18 +116,6 @@ class EngineTarget:
             return self
         tets = int(TETS_PER_CUBE * volume / self.edge_length**3)
         return replace(self, edge_is_given=False, tets=max(self.tets, tets))
-
-    def checked(self) -> EngineTarget:
-        """Return itself, or say what is out of range."""
-        for option, value, most in (
-            ("--edge-length-rel", self.edge_length_rel, 1.0),
-            ("--epsilon-rel", self.epsilon_rel, 0.1),
-        ):
-            if not 0 < value <= most:
-                raise UsageError(f"{option} must be > 0 and at most {most:g}, got {value:g}")
-        if not 1 <= self.layers <= MOST_LAYERS:
-            raise UsageError(f"--layers must be 1 to {MOST_LAYERS}, got {self.layers}")
-        return self
 
     def coarser(self, factor: float) -> EngineTarget:
         """Return the same with longer edges and a wider envelope, within sense."""
@@ -193,11 +198,7 @@ def run_engine(solids: Solids, target: EngineTarget, runner: Runner) -> Filling:
 
 
 def by_cells(
-    points: Float[np.ndarray, "points 3"],
-    tets: Int[np.ndarray, "tets 4"],
-    part: Int[np.ndarray, "tets"],
-    solids: Solids,
-    envelope: float,
+    points: Points, tets: Tets, part: Int[np.ndarray, "tets"], solids: Solids, envelope: float
 ) -> Int[np.ndarray, "tets"]:
     """Give all tets between the same walls of the input, within ``envelope`` [m], one label.
 
@@ -205,25 +206,19 @@ def by_cells(
     walls instead of at them. Not for surfaces with holes, through which inside and outside join.
     """
     from scipy.sparse import coo_matrix
-    from scipy.sparse.csgraph import connected_components
 
     faces, left, right = facets(tets)
     surface = solids.surface
     at_wall = closest(points, surface.points, surface.faces).distance <= envelope
     middle = closest(points[faces].mean(axis=1), surface.points, surface.faces).distance
     free = ~(at_wall[faces].all(axis=1) & (middle <= envelope))
-    links = (np.ones(int(free.sum())), (left[free], right[free]))
-    _, cell = connected_components(coo_matrix(links, shape=(len(tets),) * 2), directed=False)
+    cell = linked_groups(len(tets), left[free], right[free])
     votes = coo_matrix((np.abs(signed_volumes(points, tets)), (cell, part + 1))).tocsr()
     return (np.asarray(votes.argmax(axis=1)).reshape(-1) - 1)[cell]
 
 
 def conforming(
-    points: Float[np.ndarray, "points 3"],
-    tets: Int[np.ndarray, "tets 4"],
-    part: Int[np.ndarray, "tets"],
-    solids: Solids,
-    epsilon: float,
+    points: Points, tets: Tets, part: Int[np.ndarray, "tets"], solids: Solids, epsilon: float
 ) -> Int[np.ndarray, "tets"]:
     """Relabel tets where the boundary is farther than ``epsilon`` [m] from the input.
 
@@ -231,14 +226,21 @@ def conforming(
     apart by their centroids, at random. A boundary vertex that far from the input lies inside or
     outside, and so do all tets around it; a face whose middle is outside bounds no solid.
     """
+
+    def labels(where: np.ndarray) -> np.ndarray:
+        """Part that each point lies in, ``OUTSIDE``, or ``NEAR`` the input."""
+        label = np.full(len(where), NEAR)
+        far = closest(where, solids.surface.points, solids.surface.faces).distance > epsilon
+        label[far] = solids.label(where[far])
+        return label
+
     part = part.copy()
     for _ in range(CONFORMING_ROUNDS):
         if not (part >= 0).any():
             break
         boundary = boundary_faces(tets[part >= 0])
         skin = np.unique(boundary.faces)
-        vertex = _labels_off(solids, points[skin], epsilon)
-        face = _labels_off(solids, points[boundary.faces].mean(axis=1), epsilon)
+        vertex, face = labels(points[skin]), labels(points[boundary.faces].mean(axis=1))
         if (vertex == NEAR).all() and (face == NEAR).all():
             break
         wrong = np.flatnonzero(part >= 0)[boundary.tet[face == OUTSIDE]]
@@ -249,16 +251,6 @@ def conforming(
         part[(corner[tets] == OUTSIDE).any(axis=1)] = OUTSIDE
         part[wrong] = OUTSIDE
     return part
-
-
-def _labels_off(
-    solids: Solids, where: Float[np.ndarray, "n 3"], epsilon: float
-) -> Int[np.ndarray, "n"]:
-    """Part that each point lies in, ``OUTSIDE``, or ``NEAR`` the input, within ``epsilon`` [m]."""
-    label = np.full(len(where), NEAR)
-    far = closest(where, solids.surface.points, solids.surface.faces).distance > epsilon
-    label[far] = solids.label(where[far])
-    return label
 
 
 # Edges for thin places: how thick a solid is, and a field of edge lengths made from that.
@@ -314,7 +306,7 @@ def edge_field(surface: Triangles, *, edge: float, layers: int) -> dict[str, np.
 
 def thicknesses(
     surface: Triangles, *, edge: float, rng: np.random.Generator, count: int = RAYS
-) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"], Float[np.ndarray, "n"]]:
+) -> tuple[Places, Places, Float[np.ndarray, "n"]]:
     """Random points of an outward surface, the points opposite to them, and how far those are.
 
     Points are left out where nothing is opposite.

@@ -73,15 +73,11 @@ def import_tets(
     )
     if given.material is not None and not apart.split_edges:
         mesh = mesh.with_material(given.material)
-    return ImportedTets(asset, mesh, _report(mesh, apart.split_edges, apart.doubled_points))
-
-
-def _report(mesh: TetMesh, split_edges: int, doubled_points: int) -> ConversionReport:
-    """What can be measured without a surface to compare with."""
+    # What can be measured without a surface to compare with
     measured, volumes = quality(mesh), mesh.region_volumes()
     tets = np.bincount(mesh.region, minlength=len(mesh.region_names))
     a, b = mesh.points[mesh.tets[:, 0]], mesh.points[mesh.tets[:, 1]]
-    return ConversionReport(
+    report = ConversionReport(
         repair=RepairReport(),
         attempts=(),
         guarantees=(
@@ -98,6 +94,7 @@ def _report(mesh: TetMesh, split_edges: int, doubled_points: int) -> ConversionR
         epsilon=0.0,
         input_volume=mesh.volume,
         distances=Distances(0.0, 0.0),
-        split_edges=split_edges,
-        doubled_points=doubled_points,
+        split_edges=apart.split_edges,
+        doubled_points=apart.doubled_points,
     )
+    return ImportedTets(asset, mesh, report)

@@ -9,8 +9,7 @@ from ...predictors.asset import Asset
 from ...predictors.construction import IN_ITS_SHAPE, head_of_name, kinds_named
 from ..asset.repair import MOST_CROSSED
 from ..asset.solids import hull_share
-from .guarantees import BROKEN, SHARE_TOLD, Attempt, ConversionReport
-from .losses import MOST_LOST, FileLosses
+from .guarantees import BROKEN, MOST_LOST, SHARE_TOLD, Attempt, ConversionReport, FileLosses
 from .meshers import STUFFING
 
 MOST = 5  # names that a sentence lists
@@ -20,7 +19,44 @@ FINEST = 1e-4  # of the diagonal: an epsilon that no engine keeps in an hour
 
 def said(report: ConversionReport, layers: int = 1, max_tets: int | None = None) -> tuple[str, ...]:
     """Sentences about whatever a user would not expect who asked for so many layers and tets."""
-    sentences = [*_closed(report), *_of_lattice(report, layers), *differences(report)]
+    sentences, losses, distances = [], report.losses, report.distances
+    if report.whole:
+        sentences.append(
+            "the file's open pieces close no body: inside is what they surround by their winding "
+            "number, and its boundary in their gaps is a guess; close them in a modeller"
+        )
+    if distances.bridged_share > SHARE_TOLD:
+        sentences.append(
+            f"{distances.bridged_share:.1%} of the boundary closes holes: the file has no surface "
+            "there"
+        )
+    if losses.capped > MOST_LOST:
+        least = (1 - losses.capped) * report.input_volume
+        sentences.append(
+            f"{losses.capped:.0%} of the volume is inside only since holes were closed: the file "
+            f"encloses {least:.3g} m^3 for certain, the mesh {report.quality.volume:.3g} m^3"
+        )
+    if report.mesher == STUFFING:
+        if report.attempts[0].engine != STUFFING:
+            sentences.append(
+                f"fTetWild takes too long ({report.attempts[0].outcome.removeprefix('time: ')}): a "
+                f"lattice of {report.edge_length:.3g} m was cut to the surface instead, which "
+                "keeps no epsilon; --mesher ftetwild tries on"
+            )
+        far, ends = max(
+            (distances.to_input, ("the boundary", "the input")),
+            (distances.from_input, ("the input", "the boundary")),
+        )
+        if far > report.edge_length:
+            sentences.append(
+                f"{ends[0]} is up to {far:.3g} m from {ends[1]}, more than the lattice's edge of "
+                f"{report.edge_length:.3g} m; --mesher ftetwild keeps epsilon"
+            )
+        if layers > 1:
+            sentences.append(
+                "--layers is for --mesher ftetwild: a lattice has the same edge everywhere"
+            )
+    sentences += differences(report)
     if max_tets is not None and report.quality.tets > max_tets:
         sentences.append(
             f"{report.quality.tets:,} tets are more than --max-tets {max_tets:,}: no coarser mesh "
@@ -60,6 +96,8 @@ def differences(report: ConversionReport) -> tuple[str, ...]:
 
 def _left_out(report: ConversionReport) -> Iterator[str]:
     """What of the file is not in the mesh."""
+    length = "the lattice's edge" if report.mesher == STUFFING else "epsilon"
+    thinnest = f"{length} ({report.epsilon:.3g} m)"
     if report.sheets:
         yield f"{listed(report.sheets)}: a sheet without volume, not meshed; --thicken gives it one"
     if report.thin.count:
@@ -78,7 +116,7 @@ def _left_out(report: ConversionReport) -> Iterator[str]:
         )
     if report.lost:
         yield (
-            f"{listed(report.lost)}: thinner than {_thinnest(report)} or covered by other parts, "
+            f"{listed(report.lost)}: thinner than {thinnest} or covered by other parts, "
             f"has no tets; {_finer(report)} keeps thin parts"
         )
     if report.distances.sheet_share > SHARE_TOLD:
@@ -89,52 +127,13 @@ def _left_out(report: ConversionReport) -> Iterator[str]:
     if report.distances.missed_share > SHARE_TOLD:
         yield (
             f"{report.distances.missed_share:.1%} of the surface is on plates or gaps thinner than "
-            f"{_thinnest(report)}, which the mesh lacks or blurs; {_finer(report)} keeps them"
+            f"{thinnest}, which the mesh lacks or blurs; {_finer(report)} keeps them"
         )
-
-
-def _closed(report: ConversionReport) -> Iterator[str]:
-    """How much of the boundary and of the volume the file has only since its holes were closed."""
-    if report.whole:
-        yield (
-            "the file's open pieces close no body: inside is what they surround by their winding "
-            "number, and its boundary in their gaps is a guess; close them in a modeller"
-        )
-    if report.distances.bridged_share > SHARE_TOLD:
-        share = report.distances.bridged_share
-        yield f"{share:.1%} of the boundary closes holes: the file has no surface there"
-    if report.losses.capped > MOST_LOST:
-        least = (1 - report.losses.capped) * report.input_volume
-        yield (
-            f"{report.losses.capped:.0%} of the volume is inside only since holes were closed: the "
-            f"file encloses {least:.3g} m^3 for certain, the mesh {report.quality.volume:.3g} m^3"
-        )
-
-
-def _of_lattice(report: ConversionReport, layers: int) -> Iterator[str]:
-    """What is not as expected in a mesh that a lattice was cut to."""
-    if report.mesher != STUFFING:
-        return
-    if report.attempts[0].engine != STUFFING:
-        yield (
-            f"fTetWild takes too long ({report.attempts[0].outcome.removeprefix('time: ')}): a "
-            f"lattice of {report.edge_length:.3g} m was cut to the surface instead, which keeps no "
-            "epsilon; --mesher ftetwild tries on"
-        )
-    far, at = max(
-        (report.distances.to_input, "the boundary is {} from the input"),
-        (report.distances.from_input, "the input is {} from the boundary"),
-    )
-    if far > report.edge_length:
-        away = at.format(f"up to {far:.3g} m")
-        yield f"{away}, more than {_lattice_edge(report)}; --mesher ftetwild keeps epsilon"
-    if layers > 1:
-        yield "--layers is for --mesher ftetwild: a lattice has the same edge everywhere"
 
 
 def _misfits(report: ConversionReport) -> Iterator[str]:
     """What a lattice is too coarse for; nothing of another mesher."""
-    edge = _lattice_edge(report)
+    edge = f"the lattice's edge of {report.edge_length:.3g} m"
     for what, shares, form in (
         ("volumes are off", report.off_volume, "+.1%"),
         ("shares of volumes fell off", report.fallen_apart, ".1%"),
@@ -146,30 +145,15 @@ def _misfits(report: ConversionReport) -> Iterator[str]:
         ),
     ):
         if shares:
-            yield f"{what}: {_worst(shares, form)}; {_finer(report)} keeps them"
+            worst = sorted(shares, key=lambda one: -abs(one[1]))
+            parts = ", ".join(f"{name!r} ({share:{form}})" for name, share in worst[:MOST])
+            yield f"{what}: {parts}{_more(len(worst))}; {_finer(report)} keeps them"
     if report.beads:
         yield (
             f"bodies that touch in the file would come apart at {edge}: beads of "
             f"{report.beads:.2g} m^3 ({report.beads / report.quality.volume:.2%} of the mesh) "
             f"join them; {_finer(report)} does without"
         )
-
-
-def _lattice_edge(report: ConversionReport) -> str:
-    return f"the lattice's edge of {report.edge_length:.3g} m"
-
-
-def _worst(shares: Sequence[tuple[str, float]], form: str) -> str:
-    """Named shares, the largest first, the first few of many."""
-    worst = sorted(shares, key=lambda one: -abs(one[1]))
-    told = ", ".join(f"{name!r} ({share:{form}})" for name, share in worst[:MOST])
-    return told + _more(len(worst))
-
-
-def _thinnest(report: ConversionReport) -> str:
-    """Length [m] below which a mesh holds nothing, with its name."""
-    name = "the lattice's edge" if report.mesher == STUFFING else "epsilon"
-    return f"{name} ({report.epsilon:.3g} m)"
 
 
 def _finer(report: ConversionReport) -> str:
@@ -234,21 +218,13 @@ def likely_hollow(asset: Asset, mesh: TetMesh, walls: Mapping[int, float]) -> tu
 
     A part that fills little of its hull is not: its walls are in its shape.
     """
-    return tuple(
-        part.name
-        for number, part in enumerate(asset.parts)
-        if number not in walls
-        and part.name in mesh.region_names
-        and any(_shell_likely(name) for name in (part.name, *part.labels, asset.name))
-        and _filled_share(mesh, mesh.region_names.index(part.name)) >= IN_ITS_SHAPE
-    )
-
-
-def _filled_share(mesh: TetMesh, region: int) -> float:
-    """Volume of a region by that of its convex hull [1]."""
-    tets = mesh.tets[mesh.region == region]
-    return hull_share(mesh.points, boundary_faces(tets).faces)
-
-
-def _shell_likely(name: str) -> bool:
-    return any(kind.hollow != "never" for kind in kinds_named(head_of_name(name)))
+    hollow = []
+    for number, part in enumerate(asset.parts):
+        names = (part.name, *part.labels, asset.name)
+        kinds = [kind for name in names for kind in kinds_named(head_of_name(name))]
+        shell = any(kind.hollow != "never" for kind in kinds)
+        if shell and number not in walls and part.name in mesh.region_names:
+            tets = mesh.tets[mesh.region == mesh.region_names.index(part.name)]
+            if hull_share(mesh.points, boundary_faces(tets).faces) >= IN_ITS_SHAPE:
+                hollow.append(part.name)
+    return tuple(hollow)

@@ -19,6 +19,7 @@ from ...fem.mesh import (
     tet_area_vectors,
 )
 from ..asset.surface import face_edges
+from ..asset.triangles import Faces, Points, Tets, linked_groups
 
 # Pairs of faces (opposite to vertices i and j) that meet in each of the six edges of a tet.
 FACE_PAIRS = np.array([[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]])
@@ -120,16 +121,12 @@ def quality(mesh: TetMesh) -> Quality:
     )
 
 
-def dihedral_angles(
-    points: Float[np.ndarray, "points 3"], tets: Int[np.ndarray, "tets 4"]
-) -> Float[np.ndarray, "tets 6"]:
+def dihedral_angles(points: Points, tets: Tets) -> Float[np.ndarray, "tets 6"]:
     """Inner dihedral angles [degrees] at the six edges of every tet."""
     return np.degrees(np.arccos(dihedral_cosines(points, tets))).T
 
 
-def dihedral_cosines(
-    points: Float[np.ndarray, "points 3"], tets: Int[np.ndarray, "tets 4"]
-) -> Float[np.ndarray, "6 tets"]:
+def dihedral_cosines(points: Points, tets: Tets) -> Float[np.ndarray, "6 tets"]:
     """Cosines of the inner dihedral angles; of a face without area 0."""
     normal = tet_area_vectors(points, tets)
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), np.finfo(float).tiny)
@@ -137,9 +134,7 @@ def dihedral_cosines(
     return np.clip(cosines, -1, 1)
 
 
-def radius_ratios(
-    points: Float[np.ndarray, "points 3"], tets: Int[np.ndarray, "tets 4"]
-) -> Float[np.ndarray, "tets"]:
+def radius_ratios(points: Points, tets: Tets) -> Float[np.ndarray, "tets"]:
     """Return 3 r / R of every tet: inradius by circumradius, 1 for a regular one."""
     edges, normals = edge_vectors(points, tets), tet_area_vectors(points, tets)
     volume = signed_volumes(points, tets)
@@ -149,19 +144,14 @@ def radius_ratios(
     return 3 * (3 * volume / area) / circumradius
 
 
-def component_count(tets: Int[np.ndarray, "tets 4"]) -> int:
+def component_count(tets: Tets) -> int:
     """Number of pieces of a mesh that are connected through nodes."""
-    from scipy.sparse import coo_matrix
-    from scipy.sparse.csgraph import connected_components
-
     count = int(tets.max()) + 1
     rows, columns = np.repeat(tets[:, 0], 3), tets[:, 1:].reshape(-1)
-    graph = coo_matrix((np.ones(len(rows)), (rows, columns)), shape=(count, count))
-    _, label = connected_components(graph, directed=False)
-    return vertex_count(label[tets[:, 0]])
+    return vertex_count(linked_groups(count, rows, columns)[tets[:, 0]])
 
 
-def boundary_kind(faces: Int[np.ndarray, "faces 3"]) -> BoundaryKind:
+def boundary_kind(faces: Faces) -> BoundaryKind:
     """Count what keeps a triangle surface from being a closed 2-manifold."""
     count = face_edges(faces).count
     return BoundaryKind(
@@ -185,9 +175,6 @@ def corner_nodes(cells: Int[np.ndarray, "cells k"]) -> tuple[np.ndarray, np.ndar
     with the next, links them; around an inner vertex of tets one always does. Returns the cells on
     the new nodes, and the old vertex of every new node, ascending.
     """
-    from scipy.sparse import coo_matrix
-    from scipy.sparse.csgraph import connected_components
-
     count = int(cells.max(initial=-1)) + 1
     used = np.zeros(count, dtype=bool)
     used[cells] = True
@@ -195,10 +182,9 @@ def corner_nodes(cells: Int[np.ndarray, "cells k"]) -> tuple[np.ndarray, np.ndar
     corner = np.flatnonzero(asked[cells])  # of all corners, cell by cell
     number = np.zeros(cells.size, dtype=np.int64)
     number[corner] = np.arange(len(corner))
-    graph = coo_matrix((np.ones(len(links)), number[links].T), shape=(len(corner),) * 2)
-    groups, label = connected_components(graph, directed=False)
+    label = linked_groups(len(corner), *number[links].T)
     whole = np.flatnonzero(used & ~asked)
-    vertex = np.zeros(len(whole) + groups, dtype=np.int64)  # of all nodes
+    vertex = np.zeros(len(whole) + label.max(initial=-1) + 1, dtype=np.int64)  # of all nodes
     vertex[: len(whole)] = whole
     vertex[len(whole) + label] = cells.reshape(-1)[corner]
     ascending = np.argsort(vertex, kind="stable")

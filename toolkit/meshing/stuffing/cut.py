@@ -11,8 +11,9 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ....fem.mesh import signed_volumes
+from ...asset.triangles import Points, Tets
 from ..quality import dihedral_angles
-from .lattice import EDGES, Lattice, edges_of, tets_around
+from .lattice import EDGES, Lattice, Offsets, edges_of, tets_around
 
 # A cut nearer than this share of an edge moves the node onto the surface. Labelle and Schewchuk,
 # table 1: safe for dihedral angles of 10.7 to 164.8 degrees; just below, as equality is not.
@@ -29,13 +30,11 @@ class Regions(Protocol):
 
     where: np.ndarray
 
-    def regions(self, offsets: Float[np.ndarray, "shells"]) -> Int[np.ndarray, "n"]:
+    def regions(self, offsets: Offsets) -> Int[np.ndarray, "n"]:
         """Region of every node, 0 outside, where surfaces are moved outward by offsets."""
         ...
 
-    def region_at(
-        self, where: Float[np.ndarray, "m 3"], offsets: Float[np.ndarray, "shells"]
-    ) -> Int[np.ndarray, "m"]:
+    def region_at(self, where: Float[np.ndarray, "m 3"], offsets: Offsets) -> Int[np.ndarray, "m"]:
         """Region of other places."""
         ...
 
@@ -43,7 +42,7 @@ class Regions(Protocol):
         self,
         ends: Int[np.ndarray, "edges 2"],
         regions: Int[np.ndarray, "edges 2"],
-        offsets: Float[np.ndarray, "shells"],
+        offsets: Offsets,
     ) -> Float[np.ndarray, "edges"]:
         """Share of each edge at which the ``regions`` of its ``ends`` meet."""
         ...
@@ -74,7 +73,7 @@ class DividedTets(NamedTuple):
     mirrored: np.ndarray
 
 
-def cut(lattice: Lattice, field: Regions, offsets: Float[np.ndarray, "shells"]) -> CutMesh:
+def cut(lattice: Lattice, field: Regions, offsets: Offsets) -> CutMesh:
     """Fill the regions with tets; the surface of each shell is moved outward by its offset."""
     nodes, region = field.where, field.regions(offsets)
     tets, mirrored = tets_around(lattice, region > 0)
@@ -95,9 +94,9 @@ def cut(lattice: Lattice, field: Regions, offsets: Float[np.ndarray, "shells"]) 
     local = np.concatenate([tets[mixed], number[edges]], axis=1)
     pieces, many = _divided(local, region[tets[mixed]], mirrored[mixed])
     kept = _wild_tets(lattice, field, points, wild, offsets)
-    *inner, points = junction_tets(local[many], region[tets[mixed][many]], points)
+    inner, points = junction_tets(local[many], region[tets[mixed][many]], points)
     # All pieces, positively oriented, on the points that they use
-    pieces = [whole, *pieces, DividedTets(*inner), kept]
+    pieces = [whole, *pieces, inner, kept]
     tets = np.concatenate([_positive(piece.tets, piece.mirrored) for piece in pieces])
     region = np.concatenate([piece.region for piece in pieces])
     inside = region > 0
@@ -123,8 +122,7 @@ def _warped(
     close = [np.flatnonzero(s < safe) for s in (share, 1 - share)]  # no cut is NaN, never close
     node = np.concatenate([ends[c, k] for k, c in enumerate(close)])
     edge = np.concatenate(close)
-    distance = np.concatenate([(s * length)[c] for s, c in zip((share, 1 - share), close,
-                                                               strict=True)])  # fmt: skip
+    distance = np.concatenate([(share * length)[close[0]], ((1 - share) * length)[close[1]]])
     order = np.lexsort((distance, node))
     node, first = np.unique(node[order], return_index=True)
     edge = edge[order][first]
@@ -137,9 +135,7 @@ def _warped(
 
 
 def _divided(
-    local: Int[np.ndarray, "tets 10"],
-    region: Int[np.ndarray, "tets 4"],
-    mirrored: Bool[np.ndarray, "tets"],
+    local: Int[np.ndarray, "tets 10"], region: Tets, mirrored: Bool[np.ndarray, "tets"]
 ) -> tuple[list[DividedTets], Bool[np.ndarray, "tets"]]:
     """Cut the tets of one or two regions; say which have more."""
     high = region.max(axis=1)
@@ -175,9 +171,9 @@ def _table() -> tuple[Int[np.ndarray, "81 3 4"], Int[np.ndarray, "81"]]:
 def _wild_tets(
     lattice: Lattice,
     field: Regions,
-    points: Float[np.ndarray, "points 3"],
+    points: Points,
     wild: Bool[np.ndarray, "nodes"],
-    offsets: Float[np.ndarray, "shells"],
+    offsets: Offsets,
 ) -> DividedTets:
     """Tets whose four nodes all moved onto surfaces: kept where they lie inside and are good.
 
@@ -195,7 +191,7 @@ def _wild_tets(
     return DividedTets(tets[good], region[good], mirrored[good])
 
 
-def _positive(tets: Int[np.ndarray, "tets 4"], mirrored: Bool[np.ndarray, "tets"]) -> np.ndarray:
+def _positive(tets: Tets, mirrored: Bool[np.ndarray, "tets"]) -> np.ndarray:
     return np.where(mirrored[:, None], tets[:, [0, 1, 3, 2]], tets)
 
 
@@ -205,15 +201,6 @@ FACES = ((1, 2, 3), (0, 2, 3), (0, 1, 3), (0, 1, 2))
 FACE_CENTRE, CENTRE = 10, 14  # after the corners and the cuts: points of the four faces and the tet
 
 
-class Junctions(NamedTuple):
-    """``tets`` (n, 4) with their ``region`` (n,) and orientation, on ``points`` (m, 3)."""
-
-    tets: np.ndarray
-    region: np.ndarray
-    mirrored: np.ndarray
-    points: np.ndarray
-
-
 @cache
 def cone(regions: tuple[int, ...]) -> tuple[tuple[tuple[int, ...], int], ...]:
     """Tets with their region for at least three regions at A, B, C, D, -1 on a surface.
@@ -221,51 +208,34 @@ def cone(regions: tuple[int, ...]) -> tuple[tuple[tuple[int, ...], int], ...]:
     Each face is divided as its other tet divides it: where it has two regions by the rule of the
     stencils, where three around its centre.
     """
-    faces = [_face(face, regions, FACE_CENTRE + number) for number, face in enumerate(FACES)]
-    return tuple(((*triangle, CENTRE), region) for face in faces for triangle, region in face)
-
-
-def _face(
-    face: tuple[int, ...], regions: tuple[int, ...], centre: int
-) -> list[tuple[tuple[int, ...], int]]:
-    mine = [regions[i] for i in face]
-    if min(mine) < 0:
-        wild = face[mine.index(-1)]
-        a, b = (i for i in face if i != wild)
-        return [((end, CUT[a, b], wild), regions[end]) for end in (a, b)]
-    if len(set(mine)) == 3:
-        return [((i, CUT[i, j], centre), regions[i]) for i in face for j in face if i != j]
-    tip = next(i for i in face if mine.count(regions[i]) == 1)
-    a, b = (i for i in face if i != tip)
-    rest = [(triangle, regions[a]) for triangle in cut_face(tip, a, b)]
-    return [((tip, CUT[tip, a], CUT[tip, b]), regions[tip]), *rest]
+    out = []
+    for number, face in enumerate(FACES):
+        mine = [regions[i] for i in face]
+        if min(mine) < 0:
+            wild = face[mine.index(-1)]
+            a, b = (i for i in face if i != wild)
+            parts = [((end, CUT[a, b], wild), regions[end]) for end in (a, b)]
+        elif len(set(mine)) == 3:
+            centre = FACE_CENTRE + number
+            pairs = ((i, j) for i in face for j in face if i != j)
+            parts = [((i, CUT[i, j], centre), regions[i]) for i, j in pairs]
+        else:
+            tip = next(i for i in face if mine.count(regions[i]) == 1)
+            a, b = (i for i in face if i != tip)
+            parts = [((tip, CUT[tip, a], CUT[tip, b]), regions[tip])]
+            parts += [(triangle, regions[a]) for triangle in cut_face(tip, a, b)]
+        out += [((*triangle, CENTRE), region) for triangle, region in parts]
+    return tuple(out)
 
 
 def junction_tets(
-    local: Int[np.ndarray, "tets 10"],
-    regions: Int[np.ndarray, "tets 4"],
-    points: Float[np.ndarray, "points 3"],
-) -> Junctions:
-    """Divide tets by their corners' ``regions``; ``local`` are their points, -1 where none is."""
-    local, points = _with_centres(local, regions, points)
-    rows, group = np.unique(regions, axis=0, return_inverse=True)
-    tets, region = [np.zeros((0, 4), np.int64)], [np.zeros(0, np.int64)]
-    for number, row in enumerate(rows.tolist()):
-        mine = local[group.reshape(-1) == number]
-        for tet, inside in cone(tuple(row)):
-            tets.append(mine[:, tet])
-            region.append(np.full(len(mine), inside))
-    found = np.concatenate(tets)
-    mirrored = signed_volumes(points, found) < 0
-    return Junctions(found, np.concatenate(region), mirrored, points)
+    local: Int[np.ndarray, "tets 10"], regions: Int[np.ndarray, "tets 4"], points: Points
+) -> tuple[DividedTets, np.ndarray]:
+    """Divide tets by their corners' ``regions``; also the points with those in the middles.
 
-
-def _with_centres(
-    local: Int[np.ndarray, "tets 10"],
-    regions: Int[np.ndarray, "tets 4"],
-    points: Float[np.ndarray, "points 3"],
-) -> tuple[Int[np.ndarray, "tets 15"], Float[np.ndarray, "more 3"]]:
-    """Add a point in every face of three regions, one for both its tets, and one in every tet."""
+    ``local`` are the tets' points, -1 where none is. One is added in every face of three regions,
+    one for both its tets, and one in every tet.
+    """
     faces = np.full((len(local), 4), -1)
     corners = local[:, FACES]
     mine = np.sort(regions[:, FACES], axis=-1)
@@ -276,11 +246,21 @@ def _with_centres(
     middle = np.zeros((len(found), 3))
     middle[number.reshape(-1)] = points[cuts[three]].mean(axis=1)
     points = np.concatenate([points, middle])
-    centre = len(points) + np.arange(len(local))
     on = np.concatenate([regions < 0, local[:, 4:] >= 0], axis=1)
     weight = on / np.maximum(on.sum(axis=1), 1)[:, None]
     inner = np.einsum("tk,tki->ti", weight, points[local])
-    return np.column_stack([local, faces, centre]), np.concatenate([points, inner])
+    local = np.column_stack([local, faces, len(points) + np.arange(len(local))])
+    points = np.concatenate([points, inner])
+    rows, group = np.unique(regions, axis=0, return_inverse=True)
+    tets, region = [np.zeros((0, 4), np.int64)], [np.zeros(0, np.int64)]
+    for number, row in enumerate(rows.tolist()):
+        mine = local[group.reshape(-1) == number]
+        for tet, inside in cone(tuple(row)):
+            tets.append(mine[:, tet])
+            region.append(np.full(len(mine), inside))
+    found = np.concatenate(tets)
+    mirrored = signed_volumes(points, found) < 0
+    return DividedTets(found, np.concatenate(region), mirrored), points
 
 
 # How a tet is divided by the signs of its four corners: one table for all 81 patterns.
@@ -310,7 +290,7 @@ def patterns() -> Iterator[Pattern]:
     yield from product((-1, 0, 1), repeat=4)
 
 
-def pattern_code(signs: Int[np.ndarray, "tets 4"]) -> Int[np.ndarray, "tets"]:
+def pattern_code(signs: Tets) -> Int[np.ndarray, "tets"]:
     """Number of each pattern of -1, 0 and 1."""
     return (signs + 1) @ np.array([27, 9, 3, 1])
 
@@ -380,12 +360,9 @@ def _prism(
             if all(set(pair) in edges for pair in combinations(tet, 2))
         ]
         if len(tets) == 3 and all(diagonal in diagonals for diagonal in fixed):
-            ways.append((min(_fatness(tet) for tet in tets), tets))
+            corners = CORNERS[tets]
+            edges = corners[:, :, None] - corners[:, None]
+            longest = np.linalg.norm(edges, axis=-1).max(axis=(1, 2))
+            volume = np.abs(np.linalg.det(edges[:, 1:, 0]))
+            ways.append((float((volume / longest**3).min()), tets))
     return max(ways)[1]
-
-
-def _fatness(tet: Tet) -> float:
-    """Volume by the cube of the longest edge."""
-    a, *others = points = CORNERS[list(tet)]
-    longest = max(np.linalg.norm(p - q) for p, q in combinations(points, 2))
-    return abs(np.linalg.det(np.array(others) - a)) / longest**3

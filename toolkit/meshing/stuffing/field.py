@@ -7,13 +7,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float, Int
 
 from ...asset.solids import INSIDE, Shell, Solids
-from ...asset.triangles import ClosestTo, Triangles
+from ...asset.triangles import ClosestTo, Places, Triangles
+from .lattice import Offsets
 
 # Distances beyond are cut off: no edge is longer. Where both ends of one that enters a shell are
 # that far from its faces it passes through a hole, and the winding number tells where.
@@ -32,7 +33,7 @@ Together = Callable[[Int[np.ndarray, "n"]], Int[np.ndarray, "n"]]
 class Beads:
     """Balls around places (n, 3) where a lattice cuts apart what touches, added to a shell."""
 
-    def __init__(self, where: Float[np.ndarray, "n 3"]) -> None:
+    def __init__(self, where: Places) -> None:
         from scipy.spatial import KDTree
 
         self.where, self._tree = where, KDTree(where)
@@ -75,7 +76,7 @@ class ShellField:
         """Box around it."""
         return np.stack([self.shell.points.min(axis=0), self.shell.points.max(axis=0)])
 
-    def around(self, where: Float[np.ndarray, "n 3"]) -> Int[np.ndarray, "near"]:
+    def around(self, where: Places) -> Int[np.ndarray, "near"]:
         """Which places are in that box or so near to it that an edge may enter the shell."""
         lo, hi = self.bounds + np.array([[-MARGIN], [MARGIN]])
         return np.flatnonzero(((where >= lo) & (where <= hi)).all(axis=1))
@@ -100,9 +101,7 @@ class ShellField:
         mine = [self.shell.faces[self.shell.part == part] for part in self.parts]
         return tuple(ClosestTo(self.shell.points, faces) for faces in mine)
 
-    def value(
-        self, where: Float[np.ndarray, "n 3"], together: Together | None = None
-    ) -> Float[np.ndarray, "n"]:
+    def value(self, where: Places, together: Together | None = None) -> Float[np.ndarray, "n"]:
         """Signed distance, positive inside, cut off at ``REACH``.
 
         Of places so far from a surface without rim one is asked for all that lie ``together``.
@@ -124,14 +123,14 @@ class ShellField:
             out = np.maximum(out, self.beads.value(where))
         return np.where(np.abs(out) < NUDGE, NUDGE, out)
 
-    def _winding(self, where: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n"]:
+    def _winding(self, where: Places) -> Float[np.ndarray, "n"]:
         """How certainly places are inside: 1, outside 0."""
         winding = np.abs(self.shell.winding(where))
         if self.shell.winding_of_cavity is not None:
             winding = np.minimum(winding, 1 - self.shell.winding_of_cavity(where))
         return winding
 
-    def region(self, where: Float[np.ndarray, "n 3"]) -> Int[np.ndarray, "n"]:
+    def region(self, where: Places) -> Int[np.ndarray, "n"]:
         """Region by the part of the nearest face."""
         if len(self.parts) == 1 or not len(where):
             return np.full(len(where), self.first, dtype=np.int32)
@@ -148,12 +147,7 @@ class SolidField:
     """
 
     def __init__(
-        self,
-        solids: Solids,
-        *,
-        origin: np.ndarray,
-        edge: float,
-        beads: Float[np.ndarray, "n 3"] = NOWHERE,
+        self, solids: Solids, *, origin: np.ndarray, edge: float, beads: Places = NOWHERE
     ) -> None:
         """Scale ``solids`` [m] so that a long ``edge`` [m] is one.
 
@@ -172,9 +166,7 @@ class SolidField:
         sizes = [len(shell.parts) for shell in shells]
         self.rank = np.concatenate([[-1], np.repeat(np.arange(len(shells)), sizes)])
 
-    def _beaded(
-        self, shells: list[ShellField], beads: Float[np.ndarray, "n 3"]
-    ) -> list[ShellField]:
+    def _beaded(self, shells: list[ShellField], beads: Places) -> list[ShellField]:
         """Give each shell the beads that it is the first to be near to, and their volume."""
         self.shells = tuple(shells)
         left, out, at_rest = beads, [], np.zeros(len(shells))
@@ -193,9 +185,7 @@ class SolidField:
         boxes = np.array([shell.bounds for shell in self.shells])
         return np.stack([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)])
 
-    def region_at(
-        self, where: Float[np.ndarray, "n 3"], offsets: Float[np.ndarray, "shells"]
-    ) -> Int[np.ndarray, "n"]:
+    def region_at(self, where: Places, offsets: Offsets) -> Int[np.ndarray, "n"]:
         """Region of each place, where the surface of each shell is moved outward by its offset."""
         out = np.zeros(len(where), dtype=np.int32)
         undecided = np.arange(len(where))
@@ -208,19 +198,10 @@ class SolidField:
         return out
 
 
-def _among(together: Together, near: np.ndarray, some: np.ndarray) -> np.ndarray:
-    return together(near[some])
-
-
 class NodeField:
     """The shells' signed distances at ``where`` (n, 3), each near its shell only."""
 
-    def __init__(
-        self,
-        field: SolidField,
-        where: Float[np.ndarray, "n 3"],
-        together: Together | None = None,
-    ) -> None:
+    def __init__(self, field: SolidField, where: Places, together: Together | None = None) -> None:
         """Ask at all places; ``together`` numbers the groups of some that free ways link."""
         self.field, self.where = field, where
         self.near: list[np.ndarray] = []
@@ -228,7 +209,9 @@ class NodeField:
         self._regions: list[np.ndarray] = []
         for shell in field.shells:
             near = shell.around(where)
-            value = shell.value(where[near], together and partial(_among, together, near))
+            value = shell.value(
+                where[near], together and (lambda some, near=near: together(near[some]))
+            )
             region = np.full(len(near), shell.first, dtype=np.int32)
             within = value > -REACH  # an offset may turn those around into inner ones
             region[within] = shell.region(where[near[within]])
@@ -236,7 +219,7 @@ class NodeField:
             self.values.append(value)
             self._regions.append(region)
 
-    def regions(self, offsets: Float[np.ndarray, "shells"]) -> Int[np.ndarray, "n"]:
+    def regions(self, offsets: Offsets) -> Int[np.ndarray, "n"]:
         """Region of every place, where the surface of each shell is moved outward by its offset."""
         out = np.zeros(len(self.where), dtype=np.int32)
         for near, value, region, offset in zip(
@@ -246,9 +229,7 @@ class NodeField:
             out[near[inside]] = region[inside]
         return out
 
-    def region_at(
-        self, where: Float[np.ndarray, "m 3"], offsets: Float[np.ndarray, "shells"]
-    ) -> Int[np.ndarray, "m"]:
+    def region_at(self, where: Float[np.ndarray, "m 3"], offsets: Offsets) -> Int[np.ndarray, "m"]:
         """Region of other places."""
         return self.field.region_at(where, offsets)
 
@@ -256,7 +237,7 @@ class NodeField:
         self,
         ends: Int[np.ndarray, "edges 2"],
         regions: Int[np.ndarray, "edges 2"],
-        offsets: Float[np.ndarray, "shells"],
+        offsets: Offsets,
     ) -> Float[np.ndarray, "edges"]:
         """Share of each edge, whose ``ends`` lie in two ``regions``, at which these meet.
 

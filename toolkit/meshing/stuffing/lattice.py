@@ -16,8 +16,9 @@ from jaxtyping import Bool, Float, Int
 
 from ....fem.mesh import area_vectors
 from ...asset.surface import face_edges
-from ...asset.triangles import Triangles
+from ...asset.triangles import Faces, Places, Tets, Triangles
 
+Offsets = Float[np.ndarray, "shells"]  # how far the surface of each shell is moved outward
 MOST_NODES = 6_000_000  # 1 GB of distances and labels on the way
 # Edges of a tet A, B, C, D as pairs of corners; the first two are the long ones.
 EDGES = ((0, 1), (2, 3), (0, 2), (0, 3), (1, 2), (1, 3))
@@ -117,7 +118,7 @@ def _family(axis: int, side: int) -> _Family:
 
 
 def edges_of(
-    tets: Int[np.ndarray, "tets 4"], node_count: int
+    tets: Tets, node_count: int
 ) -> tuple[Int[np.ndarray, "edges 2"], Int[np.ndarray, "tets 6"]]:
     """All edges once each, and the edges of every tet in the order of ``EDGES``."""
     i, j = (np.concatenate([tets[:, edge[k]] for edge in EDGES]).astype(np.int64) for k in (0, 1))
@@ -136,7 +137,7 @@ SEEN = 0.5  # long edges: what faces one way so near together is visible or hidd
 SPACING = 0.2  # of the points on edges among which the nearest is looked for, in long edges
 
 
-Visible = Callable[[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]], np.ndarray]
+Visible = Callable[[Places, Places], np.ndarray]
 
 
 class SharpFeatures(NamedTuple):
@@ -180,7 +181,7 @@ def gathered_features(features: list[SharpFeatures]) -> SharpFeatures:
     return SharpFeatures(*(np.concatenate(values) for values in zip(*features, strict=True)))
 
 
-def shared_edges(faces: Int[np.ndarray, "faces 3"]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def shared_edges(faces: Faces) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Edges (n, 2) of exactly two faces, and these."""
     directed, edge, count = face_edges(faces)
     order = np.argsort(edge, kind="stable")
@@ -189,7 +190,7 @@ def shared_edges(faces: Int[np.ndarray, "faces 3"]) -> tuple[np.ndarray, np.ndar
     return ends, order[two] // 3, order[two + 1] // 3
 
 
-def _unit(vectors: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
+def _unit(vectors: Places) -> Places:
     length = np.linalg.norm(vectors, axis=1, keepdims=True)
     return vectors / np.maximum(length, np.finfo(float).tiny)
 
@@ -226,7 +227,7 @@ class FeatureFinder:
         shown = visible(where[first], normal[first])[group.reshape(-1)]
         self.edge, self.tree = edge[shown], KDTree(where[shown]) if shown.any() else None
 
-    def on_edges(self, where: Float[np.ndarray, "n 3"], reach: float) -> OnEdges:
+    def on_edges(self, where: Places, reach: float) -> OnEdges:
         """Nearest points of edges within ``reach``."""
         if self.tree is None:
             return OnEdges(np.full(len(where), np.inf), where)

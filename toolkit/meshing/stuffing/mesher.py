@@ -6,6 +6,7 @@ import logging
 from collections.abc import Callable
 from dataclasses import replace
 from functools import lru_cache
+from itertools import combinations
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,7 +17,16 @@ from ....fem.mesh import FACES, boundary_faces, face_areas, signed_volumes
 from ...asset.cache import Runner
 from ...asset.solids import INSIDE, Solids
 from ...asset.surface import component_volumes, touching_places
-from ...asset.triangles import Inside, Triangles, closest, inside, winding_numbers
+from ...asset.triangles import (
+    Places,
+    Points,
+    Tets,
+    Triangles,
+    closest,
+    inside,
+    linked_groups,
+    winding_numbers,
+)
 from ..ftetwild import EngineTarget, Filling, LatticeFit, NoFilling, thicknesses
 from ..guarantees import BLUNTEST, SHARPEST, bare_edges, separate
 from ..quality import corner_nodes, dihedral_angles, dihedral_cosines
@@ -25,6 +35,7 @@ from .field import NOWHERE, NodeField, ShellField, SolidField
 from .lattice import (
     MOST_NODES,
     FeatureFinder,
+    Offsets,
     edges_of,
     features_of,
     gathered_features,
@@ -41,9 +52,10 @@ log = logging.getLogger(__name__)
 
 
 class _Filled(NamedTuple):
-    """A filling, and the offsets of its shells that gave their volumes."""
+    """A filling, how it fits, and the offsets of its shells that gave their volumes."""
 
     filling: Filling
+    fit: LatticeFit
     offsets: np.ndarray
 
 
@@ -55,27 +67,34 @@ def stuffed(solids: Solids, target: EngineTarget, runner: Runner) -> Filling:
     """
     if runner.progress is not None:
         runner.progress("stuffing", 0.0)
-    edge, places = _edge(solids, target), NOWHERE
+    total = sum(shell.volume for shell in solids.shells)
+    edge = target.lattice_edge(total)
+    nodes = lattice_around((solids.bounds - solids.bounds[0]) / edge).node_count
+    if nodes > MOST_NODES:
+        if target.edge_is_given:
+            raise UsageError(
+                f"an edge of {edge:.3g} m gives a lattice of {nodes} nodes, the limit is "
+                f"{MOST_NODES}: give a longer --edge-length, or --mesher ftetwild"
+            )
+        edge *= (nodes / MOST_NODES) ** (1 / 3)
     best = _unbeaded(solids, replace(target, beads=False), edge)
-    assert best.filling.lattice is not None
-    if best.filling.lattice.parted_shares and not target.beads:
+    if best.fit.parted_shares and not target.beads:
         return best.filling  # a finer lattice may keep it in one piece
+    places = NOWHERE
     touch = touching_places(solids.surface, touching=target.epsilon, spacing=edge)
     for _ in range(ROUNDS):
         # Places [m] where the solids hang together and their tets do not
-        filling = best.filling
-        assert filling.lattice is not None
-        mesh = BodyTets(filling.mesh.points, filling.mesh.tets, filling.part, solids.surface)
+        tets = best.filling.mesh
+        mesh = BodyTets(tets.points, tets.tets, best.filling.part, solids.surface)
         # Surfaces that are samples have thin places by their noise.
-        thin = list(filling.lattice.thin_shares) if target.sharp else []
+        thin = list(best.fit.thin_shares) if target.sharp else []
         parted = parted_places(mesh, thin, edge)  # it asks for whole bodies, which are kept
         more = np.concatenate([loose_contacts(mesh, touch, edge), parted])
         if not len(more):
             break
         places = np.concatenate([places, more])
         beaded = _filled(solids, target, edge, places, best.offsets)
-        assert beaded.filling.lattice is not None
-        if beaded.filling.lattice.beads > MOST_ADDED * sum(shell.volume for shell in solids.shells):
+        if beaded.fit.beads > MOST_ADDED * total:
             break
         best = beaded
     return best.filling
@@ -87,11 +106,7 @@ def _unbeaded(solids: Solids, target: EngineTarget, edge: float) -> _Filled:
 
 
 def _filled(
-    solids: Solids,
-    target: EngineTarget,
-    edge: float,
-    beads: Float[np.ndarray, "n 3"],
-    offsets: Float[np.ndarray, "shells"] | None = None,
+    solids: Solids, target: EngineTarget, edge: float, beads: Places, offsets: Offsets | None = None
 ) -> _Filled:
     """Fill ``solids`` [m] by a lattice of long ``edge`` [m], with ``beads`` at places [m]."""
     field = SolidField(solids, origin=solids.bounds[0], edge=edge, beads=beads)
@@ -107,33 +122,23 @@ def _filled(
     volumes = signed_volumes(mesh.points, mesh.tets)
     if (flat := int((volumes <= 0).sum())) > 0:
         raise NoFilling(f"{flat} tets are flat or inverted")
-    off = came_off(mesh.points, mesh.tets, part, solids, target.epsilon)
-    added = float(field.added.sum()) * edge**3
-    skin = Triangles(mesh.points, boundary_faces(mesh.tets).faces)
-    closed = closed_shares(solids, edge, skin)
+    errors: dict[int, float] = {}  # of parts that share a shell, that of the largest
+    for shell, error in zip(field.shells, found.errors.tolist(), strict=True):
+        for part_id in shell.parts.tolist():
+            errors[part_id] = max(errors.get(part_id, 0.0), error, key=abs)
+    fit = LatticeFit(
+        errors,
+        thin_shares(solids, edge),
+        came_off(mesh.points, mesh.tets, part, solids, target.epsilon),
+        closed_shares(solids, edge, Triangles(mesh.points, boundary_faces(mesh.tets).faces)),
+        float(field.added.sum()) * edge**3,
+    )
     rel = edge / target.diagonal
-    fit = LatticeFit(_errors(field, found), thin_shares(solids, edge), off, closed, added)
     used = replace(target, edge_length_rel=rel, epsilon_rel=rel, layers=1)
-    return _Filled(Filling(mesh, part, used, lattice=fit), found.offsets)
+    return _Filled(Filling(mesh, part, used, lattice=fit), fit, found.offsets)
 
 
-def _edge(solids: Solids, target: EngineTarget) -> float:
-    """Long edge [m] of the lattice."""
-    edge = target.lattice_edge(sum(shell.volume for shell in solids.shells))
-    lattice = lattice_around((solids.bounds - solids.bounds[0]) / edge)
-    if lattice.node_count <= MOST_NODES:
-        return edge
-    if target.edge_is_given:
-        raise UsageError(
-            f"an edge of {edge:.3g} m gives a lattice of {lattice.node_count} nodes, the limit is "
-            f"{MOST_NODES}: give a longer --edge-length, or --mesher ftetwild"
-        )
-    return edge * (lattice.node_count / MOST_NODES) ** (1 / 3)
-
-
-def stuff(
-    field: SolidField, *, sharp: bool = True, offsets: Float[np.ndarray, "shells"] | None = None
-) -> Matched:
+def stuff(field: SolidField, *, sharp: bool = True, offsets: Offsets | None = None) -> Matched:
     """Fill a field's shells, their volumes matched and their ``sharp`` edges kept.
 
     The search for offsets begins with ``offsets``, those of a lattice like it, if there are some.
@@ -143,7 +148,7 @@ def stuff(
     features = gathered_features([features_of(shell.triangles) for shell in field.shells])
     at_rest = np.zeros(len(field.shells))
 
-    def visible(where: Float[np.ndarray, "n 3"], normal: Float[np.ndarray, "n 3"]) -> np.ndarray:
+    def visible(where: Places, normal: Places) -> np.ndarray:
         """Whether what is on both sides of a place differs."""
         sides = np.concatenate([where + DEPTH * normal, where - DEPTH * normal])
         out, inside = np.split(field.region_at(sides, at_rest), 2)
@@ -151,7 +156,7 @@ def stuff(
 
     finder = FeatureFinder(features, visible) if sharp else None
 
-    def build(offsets: Float[np.ndarray, "shells"]) -> CutMesh:
+    def build(offsets: Offsets) -> CutMesh:
         mesh = cut(lattice, nodes, offsets)
         if finder is None:
             return mesh
@@ -159,15 +164,6 @@ def stuff(
         return filled_ridges(mesh, on_edge, finder, lambda where: field.region_at(where, offsets))
 
     return matched(field, wanted_volumes(field), build, offsets)
-
-
-def _errors(field: SolidField, found: Matched) -> dict[int, float]:
-    """Relative error of each part's volume: where parts share a shell, that of the largest."""
-    out: dict[int, float] = {}
-    for shell, error in zip(field.shells, found.errors, strict=True):
-        for part in shell.parts.tolist():
-            out[part] = max(out.get(part, 0.0), float(error), key=abs)
-    return out
 
 
 # Volumes: how much of each shell is wanted, and offsets of the surfaces that give it.
@@ -200,7 +196,7 @@ class Matched(NamedTuple):
     wanted: np.ndarray
 
     @property
-    def errors(self) -> Float[np.ndarray, "shells"]:
+    def errors(self) -> Offsets:
         """Relative error of each shell's volume."""
         matters = self.wanted > 0
         return np.where(matters, self.volumes / np.where(matters, self.wanted, 1.0) - 1, 0.0)
@@ -216,22 +212,37 @@ class Matched(NamedTuple):
         return float(np.abs(self.errors) @ self.wanted / self.wanted.sum())
 
 
-def wanted_volumes(field: SolidField) -> Float[np.ndarray, "shells"]:
+def wanted_volumes(field: SolidField) -> Offsets:
     """Volume of each shell without what smaller shells take of it; 0 where they take all."""
     own = own_volumes(field.solids) / field.edge**3
     return np.where(own > 0, own + field.added, 0.0)
 
 
 @lru_cache(maxsize=1)  # one body is filled by several lattices
-def own_volumes(solids: Solids) -> Float[np.ndarray, "shells"]:
+def own_volumes(solids: Solids) -> Offsets:
     """Volume [m^3] of each shell, largest first, without what smaller ones take; 0 if it is all."""
     shells = [ShellField.of(one, solids.bounds[0], 1.0, 1) for one in solids.largest_first]
     rng = np.random.default_rng(0)
     count = max(SAMPLES // len(shells), FEWEST)
-    held = [_samples(shell, count, rng) for shell in shells]
-    whole = np.array([_volume(*pair) for pair in zip(shells, held, strict=True)])
+    samples, whole = [], np.zeros(len(shells))
+    for rank, one in enumerate(shells):
+        shell = one.shell
+        # Labels tell how many more bodies share each point.
+        held = inside(
+            one.triangles,
+            lambda where, shell=shell: shell.depth(where) - 1,
+            one.bounds,
+            rng=rng,
+            count=count,
+            crisp=shell.rimless,
+        )
+        # The exact volume of a closed shell without what its bodies share, else the sampled one
+        exact = shell.volume - float(held.label @ held.cell)
+        near = abs(exact - held.total) <= max(CLOSED, held.uncertainty) * held.total
+        whole[rank] = exact if near else held.total
+        samples.append(held)
     own = whole.copy()
-    for rank, (where, _, cell, _) in enumerate(held):
+    for rank, (where, _, cell, _) in enumerate(samples):
         taken = cell * whole[rank] / max(cell.sum(), np.finfo(float).tiny)
         for higher in shells[rank + 1 :]:
             free = ~higher.shell.contains(where)
@@ -241,28 +252,11 @@ def own_volumes(solids: Solids) -> Float[np.ndarray, "shells"]:
     return np.where(own > HIDDEN * whole, own, 0.0)
 
 
-def _samples(shell: ShellField, count: int, rng: np.random.Generator) -> Inside:
-    """Random points inside one shell; their labels tell how many more bodies share each."""
-
-    def label(where: Float[np.ndarray, "n 3"]) -> Int[np.ndarray, "n"]:
-        return shell.shell.depth(where) - 1
-
-    crisp = shell.shell.rimless
-    return inside(shell.triangles, label, shell.bounds, rng=rng, count=count, crisp=crisp)
-
-
-def _volume(shell: ShellField, held: Inside) -> float:
-    """Exact volume of a closed shell without what its bodies share, else the sampled one."""
-    exact = shell.shell.volume - float(held.label @ held.cell)
-    near = abs(exact - held.total) <= max(CLOSED, held.uncertainty) * held.total
-    return exact if near else held.total
-
-
 def matched(
     field: SolidField,
-    wanted: Float[np.ndarray, "shells"],
-    build: Callable[[Float[np.ndarray, "shells"]], CutMesh],
-    offsets: Float[np.ndarray, "shells"] | None = None,
+    wanted: Offsets,
+    build: Callable[[Offsets], CutMesh],
+    offsets: Offsets | None = None,
 ) -> Matched:
     """Build a mesh, and again with other offsets until the volumes are those ``wanted``.
 
@@ -275,7 +269,8 @@ def matched(
     offsets = np.zeros(len(area)) if offsets is None else offsets
     for number in range(MOST_PASSES):
         mesh = build(offsets)
-        found = Matched(mesh, offsets, _volumes(field, mesh), wanted)
+        volumes = np.bincount(field.rank[mesh.region], mesh.volumes, len(field.shells))
+        found = Matched(mesh, offsets, volumes.astype(np.float64), wanted)
         if best is None or found.misplaced < NO_LESS * best.misplaced:
             idle = 0
         else:
@@ -293,16 +288,14 @@ def matched(
 class Search:
     """Offsets at which several volumes lack nothing: secants within brackets, one for each."""
 
-    def __init__(self, area: Float[np.ndarray, "shells"]) -> None:
+    def __init__(self, area: Offsets) -> None:
         """Begin with volumes that grow with the offset as fast as their ``area``."""
         self.area, self.slope = area, area
         self.low, self.high = np.full(len(area), -FARTHEST), np.full(len(area), FARTHEST)
         self.last: tuple[np.ndarray, np.ndarray] | None = None
         self.halved = np.zeros(len(area), dtype=bool)
 
-    def next(
-        self, offsets: Float[np.ndarray, "shells"], lacks: Float[np.ndarray, "shells"]
-    ) -> Float[np.ndarray, "shells"]:
+    def next(self, offsets: Offsets, lacks: Offsets) -> Offsets:
         """Return offsets to try after these, which left volumes that lack so much."""
         if self.last is not None:
             step, grown = offsets - self.last[0], self.last[1] - lacks
@@ -324,12 +317,6 @@ class Search:
         return np.where(self.halved, (self.low + self.high) / 2, tried)
 
 
-def _volumes(field: SolidField, mesh: CutMesh) -> Float[np.ndarray, "shells"]:
-    rank = field.rank[mesh.region]
-    total = np.bincount(rank, weights=mesh.volumes, minlength=len(field.shells))
-    return total.astype(np.float64)  # of no tets it is integers
-
-
 # Tets left out: crumbs, and those at a bare edge, which doubling of nodes cannot separate.
 #
 # Halving such an edge, the other way, makes two flat tets of each good one.
@@ -339,9 +326,7 @@ CRUMB = 1e-3  # of the volume: a smaller piece that is a crumb of its body is he
 MOST = 0.005  # of the volume: a body that would lose more is too thin for its lattice
 
 
-def carved(
-    tets: Int[np.ndarray, "tets 4"], volumes: Float[np.ndarray, "tets"]
-) -> Bool[np.ndarray, "tets"]:
+def carved(tets: Tets, volumes: Float[np.ndarray, "tets"]) -> Bool[np.ndarray, "tets"]:
     """Which tets to keep, so that few edges with several groups of them are left."""
     keep = np.ones(len(tets), dtype=bool)
     for _ in range(CARVE_ROUNDS):
@@ -357,9 +342,7 @@ def carved(
     return keep
 
 
-def without_crumbs(
-    points: Float[np.ndarray, "points 3"], tets: Int[np.ndarray, "tets 4"], solids: Solids
-) -> Bool[np.ndarray, "tets"]:
+def without_crumbs(points: Points, tets: Tets, solids: Solids) -> Bool[np.ndarray, "tets"]:
     """Which tets [m] to keep: all pieces but crumbs of the whole and of a body of the input."""
     volumes = signed_volumes(points, tets)
     pieces = pieces_of(tets)
@@ -376,14 +359,9 @@ def without_crumbs(
 
 
 def _lesser_groups(
-    tets: Int[np.ndarray, "tets 4"],
-    bare: Int[np.ndarray, "edges 2"],
-    volumes: Float[np.ndarray, "tets"],
+    tets: Tets, bare: Int[np.ndarray, "edges 2"], volumes: Float[np.ndarray, "tets"]
 ) -> Int[np.ndarray, "out"]:
     """Of the tets around each edge, those that do not hang together with the largest group."""
-    from scipy.sparse import coo_matrix
-    from scipy.sparse.csgraph import connected_components
-
     size = int(tets.max()) + 1
     ends = np.zeros(size, dtype=bool)
     ends[bare] = True
@@ -400,8 +378,7 @@ def _lesser_groups(
     order = np.lexsort(key.T[::-1])
     same = (key[order][1:] == key[order][:-1]).all(axis=1)
     links = item[order[:-1][same]], item[order[1:][same]]
-    graph = coo_matrix((np.ones(len(links[0])), links), shape=(len(tet), len(tet)))
-    _, group = connected_components(graph, directed=False)
+    group = linked_groups(len(tet), *links)
     weight = np.bincount(group, weights=volumes[tet])
     best = np.zeros(len(edges))
     np.maximum.at(best, edge, weight[group])
@@ -417,7 +394,7 @@ FLAT = 1e-3  # cubes of a long edge: a tet with less volume is flat
 NEAR = 1.0  # long edges: farther from sharp edges no chamfer has an end
 REACH = 0.7  # long edges: how far above an edge of the mesh a node is added
 
-RegionAt = Callable[[Float[np.ndarray, "n 3"]], np.ndarray]
+RegionAt = Callable[[Places], np.ndarray]
 
 
 class Ridge(NamedTuple):
@@ -430,10 +407,7 @@ class Ridge(NamedTuple):
 
 
 def filled_ridges(
-    mesh: CutMesh,
-    on_edge: Bool[np.ndarray, "points"],
-    features: FeatureFinder,
-    region: RegionAt,
+    mesh: CutMesh, on_edge: Bool[np.ndarray, "points"], features: FeatureFinder, region: RegionAt
 ) -> CutMesh:
     """Add the tets that chamfers lack, where they are good and lie in the ``region`` beside them.
 
@@ -452,7 +426,21 @@ def filled_ridges(
         new = new[~np.isin(np.sort(ridge.tips[new], axis=1) @ key, known @ key)]
         tets = np.column_stack([ridge.faces[new, 0], ridge.tips[new, 1]])
         mesh = _added(mesh, *(tets[:, None], ridge.region[new]), region)
-        mesh = _added(*_above(mesh, _ridges(mesh, near), on_edge, features), region)
+        # Pairs of tets on edges across to new points on the sharp edge above them
+        ridge = _ridges(mesh, near)
+        across = np.flatnonzero(~on_edge[ridge.edges].any(axis=1))
+        middle = mesh.points[ridge.edges[across]].mean(axis=1)
+        found = features.on_edges(middle, REACH)
+        above = np.isfinite(found.distance)
+        across, where = across[above], found.point[above]
+        number = len(mesh.points) + np.arange(len(across))
+        tips = np.repeat(number[:, None, None], 2, axis=1)
+        tets = np.concatenate([ridge.faces[across], tips], axis=-1)
+        mesh = mesh._replace(
+            points=np.concatenate([mesh.points, where]),
+            free=np.concatenate([mesh.free, np.zeros(len(where), dtype=bool)]),
+        )
+        mesh = _added(mesh, tets, ridge.region[across], region)
         on_edge = np.r_[on_edge, np.ones(len(mesh.points) - len(on_edge), dtype=bool)]
         near = np.unique(mesh.tets[before:])  # what was refused elsewhere is refused again
         if not len(near):
@@ -475,30 +463,8 @@ def _ridges(mesh: CutMesh, near: Int[np.ndarray, "near"]) -> Ridge:
     return Ridge(edges, faces[sides], tips, mesh.region[owner[sides[:, 0]]])
 
 
-def _above(
-    mesh: CutMesh, ridge: Ridge, on_edge: Bool[np.ndarray, "points"], features: FeatureFinder
-) -> tuple[CutMesh, Int[np.ndarray, "n 2 4"], Int[np.ndarray, "n"]]:
-    """Pairs of tets from edges that run across to new points on the sharp edge above them."""
-    middle = mesh.points[ridge.edges].mean(axis=1)
-    across = np.flatnonzero(~on_edge[ridge.edges].any(axis=1))
-    found = features.on_edges(middle[across], REACH)
-    near = np.isfinite(found.distance)
-    across, where = across[near], found.point[near]
-    number = len(mesh.points) + np.arange(len(across))
-    faces = ridge.faces[across]
-    tets = np.concatenate([faces, np.repeat(number[:, None, None], 2, axis=1)], axis=-1)
-    grown = mesh._replace(
-        points=np.concatenate([mesh.points, where]),
-        free=np.concatenate([mesh.free, np.zeros(len(where), dtype=bool)]),
-    )
-    return grown, tets, ridge.region[across]
-
-
 def _added(
-    mesh: CutMesh,
-    groups: Int[np.ndarray, "n k 4"],
-    regions: Int[np.ndarray, "n"],
-    region: RegionAt,
+    mesh: CutMesh, groups: Int[np.ndarray, "n k 4"], regions: Int[np.ndarray, "n"], region: RegionAt
 ) -> CutMesh:
     """Add the groups of tets that are good all together, the fattest of those in each other's way.
 
@@ -514,37 +480,24 @@ def _added(
     middle = mesh.points[groups.reshape(-1, 4)].mean(axis=1)
     inside = (region(middle).reshape(-1, size) == regions[:, None]).all(axis=1)
     groups, regions = groups[inside], regions[inside]
-    kept = _ridges_apart(groups, fatness[inside])
-    return _without_unused(
-        mesh._replace(
-            tets=np.concatenate([mesh.tets, groups[kept].reshape(-1, 4).astype(np.int32)]),
-            region=np.concatenate([mesh.region, np.repeat(regions[kept], size)]),
-        )
-    )
-
-
-def _ridges_apart(groups: Int[np.ndarray, "n k 4"], fatness: Float[np.ndarray, "n"]) -> list[int]:
-    """Of groups of tets that share a face, the fattest."""
+    # Of groups that share a face, the fattest
     taken: set[tuple[int, ...]] = set()
     kept = []
-    for number in np.argsort(-fatness, kind="stable").tolist():
-        faces: set[tuple[int, ...]] = set()
-        for a, b, c, d in np.sort(groups[number], axis=1).tolist():
-            faces |= {(a, b, c), (a, b, d), (a, c, d), (b, c, d)}
+    for number in np.argsort(-fatness[inside], kind="stable").tolist():
+        faces = {
+            face
+            for tet in np.sort(groups[number], axis=1).tolist()
+            for face in combinations(tet, 3)
+        }
         if not faces & taken:
             taken |= faces
             kept.append(number)
-    return kept
-
-
-def _without_unused(mesh: CutMesh) -> CutMesh:
-    """Drop the points that no tet has."""
+    tets = np.concatenate([mesh.tets, groups[kept].reshape(-1, 4).astype(np.int32)])
+    number = np.concatenate([mesh.region, np.repeat(regions[kept], size)])
     used = np.zeros(len(mesh.points), dtype=bool)
-    used[mesh.tets] = True
-    if used.all():
-        return mesh
-    number = (np.cumsum(used) - 1).astype(np.int32)
-    return mesh._replace(points=mesh.points[used], tets=number[mesh.tets], free=mesh.free[used])
+    used[tets] = True
+    tets = (np.cumsum(used) - 1).astype(np.int32)[tets]
+    return CutMesh(mesh.points[used], tets, number, mesh.free[used])
 
 
 # Nodes moved onto sharp edges and corners, as far as the tets around them stay good.
@@ -555,36 +508,28 @@ EDGE_REACHES = (0.175, 0.3, 0.65)  # long edges, the sure ones first
 
 def snapped(mesh: CutMesh, features: FeatureFinder) -> tuple[CutMesh, Bool[np.ndarray, "points"]]:
     """Move nodes of the surfaces to ``features``; also which points lie on these then."""
+    from scipy.spatial import KDTree
+
     guard = Guard(mesh)
-    taken = mesh.free.copy()
-    _to_corners(guard, taken, features.corners)
+    taken, corners = mesh.free.copy(), features.corners
+    # For each corner the nearest nodes one after the other, until one may move there
+    nodes = np.flatnonzero(~taken)
+    if len(corners) and len(nodes):
+        ranks: Any = np.arange(1, min(CORNER_NODES, len(nodes)) + 1)  # an array keeps the shape
+        distance, index = KDTree(guard.points[nodes]).query(corners, k=ranks)
+        open_ = np.ones(len(corners), dtype=bool)
+        for distances, tried in zip(distance.T, nodes[index.T], strict=True):
+            ask = np.flatnonzero(open_ & (distances < CORNER_REACH) & ~taken[tried])
+            ask = ask[np.unique(tried[ask], return_index=True)[1]]
+            moved = guard.move(tried[ask], corners[ask])
+            taken[moved] = True
+            open_[ask[np.isin(tried[ask], moved)]] = False
     for reach in EDGE_REACHES:
         nodes = np.flatnonzero(~taken)
         found = features.on_edges(guard.points[nodes], reach)
         near = np.isfinite(found.distance)
         taken[guard.move(nodes[near], found.point[near])] = True
     return mesh._replace(points=guard.points), taken & ~mesh.free
-
-
-def _to_corners(
-    guard: Guard, taken: Bool[np.ndarray, "points"], corners: Float[np.ndarray, "corners 3"]
-) -> None:
-    """For each corner try the nearest nodes one after the other, until one may move there."""
-    from scipy.spatial import KDTree
-
-    nodes = np.flatnonzero(~taken)
-    count = min(CORNER_NODES, len(nodes))
-    if not (len(corners) and count):
-        return
-    ranks: Any = np.arange(1, count + 1)  # an array keeps the shape where there is one; stubs lag
-    distance, index = KDTree(guard.points[nodes]).query(corners, k=ranks)
-    open_ = np.ones(len(corners), dtype=bool)
-    for distances, tried in zip(distance.T, nodes[index.T], strict=True):
-        ask = np.flatnonzero(open_ & (distances < CORNER_REACH) & ~taken[tried])
-        ask = ask[np.unique(tried[ask], return_index=True)[1]]
-        moved = guard.move(tried[ask], corners[ask])
-        taken[moved] = True
-        open_[ask[np.isin(tried[ask], moved)]] = False
 
 
 class Guard:
@@ -598,9 +543,7 @@ class Guard:
         self.sharpest = np.maximum(sharp, np.cos(np.radians(SHARPEST)))
         self.blunt = np.minimum(blunt, np.cos(np.radians(BLUNTEST)))
 
-    def move(
-        self, nodes: Int[np.ndarray, "n"], targets: Float[np.ndarray, "n 3"]
-    ) -> Int[np.ndarray, "moved"]:
+    def move(self, nodes: Int[np.ndarray, "n"], targets: Places) -> Int[np.ndarray, "moved"]:
         """Move ``nodes`` to their ``targets``, and undo the longest move of each bad tet.
 
         Returns the nodes that stay moved.
@@ -630,9 +573,7 @@ class Guard:
         return nodes[on[nodes]]
 
 
-def _shape(
-    points: Float[np.ndarray, "points 3"], tets: Int[np.ndarray, "tets 4"]
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _shape(points: Points, tets: Tets) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Volume, and the cosines of the sharpest and the bluntest dihedral angle, of every tet."""
     cosine = dihedral_cosines(points, tets)
     return signed_volumes(points, tets), cosine.max(axis=0), cosine.min(axis=0)
@@ -649,21 +590,11 @@ RESOLVED = 0.75
 THIN_SHARE = 0.05  # of the surface that may be thinner: rims and ornaments that carry little
 
 
-class RaysThrough(NamedTuple):
-    """Rays through parts: the ``part`` of each, and its ``thickness`` [m] there if below an edge.
-
-    Where it is thicker, or the wall opposite is one inside the part, that is infinite.
-    """
-
-    part: np.ndarray
-    thickness: np.ndarray
-
-
-def thin_walls(solids: Solids, edge: float) -> RaysThrough:
-    """Thickness of the parts where their walls are nearer than ``edge`` [m].
+def thin_walls(solids: Solids, edge: float) -> tuple[np.ndarray, np.ndarray]:
+    """Of rays through parts the part, and the thickness [m] there where it is below ``edge`` [m].
 
     A ray from a wall finds the wall opposite; beyond both must be another part or air, else it is
-    a wall inside.
+    a wall inside. There, and where it is thicker, that is infinite.
     """
     rng = np.random.default_rng(0)
     start, end, thickness = thicknesses(solids.clean_triangles(), edge=edge, rng=rng, count=RAYS)
@@ -675,7 +606,7 @@ def thin_walls(solids: Solids, edge: float) -> RaysThrough:
     thin = thin[(before != part[thin]) & (after != part[thin])]
     found = np.full(len(part), np.inf)
     found[thin] = thickness[thin]
-    return RaysThrough(part[part >= 0], found[part >= 0])
+    return part[part >= 0], found[part >= 0]
 
 
 def thin_shares(solids: Solids, edge: float) -> dict[int, float]:
@@ -692,7 +623,7 @@ def resolving(solids: Solids, target: EngineTarget, *, most: int) -> EngineTarge
     All but ``THIN_SHARE`` of the surface is then at least ``RESOLVED`` edges thick.
     """
     edge = target.lattice_edge(sum(shell.volume for shell in solids.shells))
-    thickness = np.sort(thin_walls(solids, RESOLVED * edge).thickness)
+    thickness = np.sort(thin_walls(solids, RESOLVED * edge)[1])
     if not len(thickness):
         return target
     wanted = thickness[int(THIN_SHARE * len(thickness))] / RESOLVED

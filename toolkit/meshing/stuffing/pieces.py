@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -11,7 +10,18 @@ from jaxtyping import Bool, Float, Int
 from ....fem.mesh import boundary_faces, signed_volumes
 from ...asset.solids import INSIDE, Solids
 from ...asset.surface import Surface, TouchingPlaces, open_components
-from ...asset.triangles import ClosestTo, Triangles, closest, facets, sample, winding_numbers
+from ...asset.triangles import (
+    ClosestTo,
+    Places,
+    Points,
+    Tets,
+    Triangles,
+    closest,
+    facets,
+    linked_groups,
+    sample,
+    winding_numbers,
+)
 from .field import BEAD, NOWHERE
 
 CRUMB_OF_BODY = 0.02  # a smaller piece of a body of the input may be a crumb of a thin rim
@@ -23,11 +33,7 @@ SAMPLES = 20_000  # of the surfaces, and their vertices: where a body may touch 
 
 
 def came_off(
-    points: Float[np.ndarray, "points 3"],
-    tets: Int[np.ndarray, "tets 4"],
-    part: Int[np.ndarray, "tets"],
-    solids: Solids,
-    touching: float,
+    points: Points, tets: Tets, part: Int[np.ndarray, "tets"], solids: Solids, touching: float
 ) -> dict[int, float]:
     """Share of each part's volume in pieces that have come off a larger one.
 
@@ -46,9 +52,6 @@ def came_off(
     face = closest(points[tets[largest]].mean(axis=1), surface.points, surface.faces).face
     body = surface.component[face]
     # Group of each component: those within `distance` [m] of each other, or in each other
-    from scipy.sparse import coo_matrix
-    from scipy.sparse.csgraph import connected_components
-
     points, faces = surface.points, surface.faces
     where, _ = sample(points, faces, rng=np.random.default_rng(0), count=SAMPLES)
     owner = surface.component[closest(where, points, faces).face]
@@ -62,8 +65,7 @@ def came_off(
         inside = np.abs(winding_numbers(points, own, where[near])) > INSIDE
         links += [(number, other) for other in np.unique(owner[near[~apart | inside]]).tolist()]
     ends = np.array(links, dtype=np.int64).reshape(-1, 2).T
-    graph = coo_matrix((np.ones(ends.shape[1]), (ends[0], ends[1])), shape=(count, count))
-    group = connected_components(graph, directed=False)[1][body]
+    group = linked_groups(count, *ends)[body]
     most = np.zeros(group.max() + 1)
     np.maximum.at(most, group, size)
     within = np.ones(tets.max() + 1, dtype=bool)
@@ -81,11 +83,7 @@ class BodyTets:
     """Tets on points [m] with the ``part`` (m,) of each, and which lie in a body of a surface."""
 
     def __init__(
-        self,
-        points: Float[np.ndarray, "points 3"],
-        tets: Int[np.ndarray, "tets 4"],
-        part: Int[np.ndarray, "tets"],
-        surface: Surface,
+        self, points: Points, tets: Tets, part: Int[np.ndarray, "tets"], surface: Surface
     ) -> None:
         from scipy.spatial import KDTree
 
@@ -119,7 +117,7 @@ class BodyTets:
             self._of[body] = np.flatnonzero(self.within(body, np.arange(len(self.tets))))
         return self._of[body]
 
-    def around(self, places: Float[np.ndarray, "n 3"], reach: float) -> Int[np.ndarray, "m"]:
+    def around(self, places: Places, reach: float) -> Int[np.ndarray, "m"]:
         """Tets with their middles within ``reach`` [m] of any of the places."""
         from scipy.spatial import KDTree
 
@@ -131,13 +129,13 @@ class BodyTets:
         found, _ = KDTree(places).query(self.middles[near], distance_upper_bound=reach)
         return near[np.isfinite(found)]
 
-    def samples(self, body: int) -> Float[np.ndarray, "n 3"]:
+    def samples(self, body: int) -> Places:
         """Places [m] on a body."""
         own = self.triangles(body)
         return sample(*own, rng=np.random.default_rng(0), count=SAMPLES).where
 
 
-def parted_places(mesh: BodyTets, parts: Sequence[int], edge: float) -> Float[np.ndarray, "n 3"]:
+def parted_places(mesh: BodyTets, parts: Sequence[int], edge: float) -> Places:
     """Places [m] on closed bodies of some ``parts`` that are in pieces, where these are nearest.
 
     A gap wider than ``LONGEST`` long edges [m] of the lattice stays, as one that tets of other
@@ -166,60 +164,43 @@ def parted_places(mesh: BodyTets, parts: Sequence[int], edge: float) -> Float[np
     return np.concatenate(found)
 
 
-def loose_contacts(mesh: BodyTets, found: TouchingPlaces, edge: float) -> Float[np.ndarray, "n 3"]:
+def loose_contacts(mesh: BodyTets, found: TouchingPlaces, edge: float) -> Places:
     """Places [m] of contacts that are ``found``, but not in the mesh.
 
     There the tets of the one body and those of the other, within ``REACH`` long edges [m] of the
     lattice, do not hang together.
     """
-    out = [NOWHERE]
+    from scipy.sparse.csgraph import connected_components
+    from scipy.spatial.distance import cdist
+
+    out, within = [NOWHERE], BEAD * edge
     for bodies in np.unique(found.bodies, axis=0):
         where = found.where[(found.bodies == bodies).all(axis=1)]
-        # Groups of places [m] that are farther than that `apart` [m], thinned to one a cell
-        within = BEAD * edge
-        apart = REACH * edge
-        from scipy.sparse.csgraph import connected_components
-        from scipy.spatial.distance import cdist
-
+        # Groups of places [m] that are ``REACH`` apart, thinned to one a cell
         cells = np.floor(where / within)
         _, one, cell = np.unique(cells, axis=0, return_index=True, return_inverse=True)
         thinned = where[one]
-        count, group = connected_components(cdist(thinned, thinned) <= apart, directed=False)
+        count, group = connected_components(cdist(thinned, thinned) <= REACH * edge, directed=False)
         of_all = group[cell.ravel()]
-        for patch in [_Patch(where[of_all == k], thinned[group == k]) for k in range(count)]:
-            near = mesh.around(patch.thinned, REACH * edge)
+        for number in range(count):
+            near = mesh.around(thinned[group == number], REACH * edge)
             if not len(near):
                 continue
             piece = pieces_of(mesh.tets[near])
             ends = [np.bincount(piece[mesh.within(body, near)]) for body in bodies.tolist()]
             if all(len(end) for end in ends) and ends[0].argmax() == ends[1].argmax():
                 continue
-            places = _gathered(patch.where, BEAD * edge)
-            lost = [b for b, end in zip(bodies.tolist(), ends, strict=True) if not len(end)]
-            out += [places, *(_way_to(mesh, body, places, edge) for body in lost)]
+            places = _gathered(where[of_all == number], within)
+            out.append(places)
+            for body, end in zip(bodies.tolist(), ends, strict=True):
+                if not len(end):  # the way on a body from the contact to the nearest of its tets
+                    pair = [places, mesh.middles[mesh.of(body)]]
+                    way = [at for _, at in narrowest(mesh.samples(body), pair, edge)]
+                    out.append(_gathered(np.concatenate([NOWHERE, *way]), within))
     return np.concatenate(out)
 
 
-def _way_to(
-    mesh: BodyTets, body: int, places: Float[np.ndarray, "n 3"], edge: float
-) -> Float[np.ndarray, "m 3"]:
-    """Places [m] on a body, straight from those of a contact to the nearest of its tets.
-
-    None where it is farther than ``LONGEST`` long edges [m] of the lattice.
-    """
-    ends = [places, mesh.middles[mesh.of(body)]]
-    found = [where for _, where in narrowest(mesh.samples(body), ends, edge)]
-    return _gathered(np.concatenate([NOWHERE, *found]), BEAD * edge)
-
-
-class _Patch(NamedTuple):
-    """Places [m] of a contact, and some of them that stand for all."""
-
-    where: np.ndarray
-    thinned: np.ndarray
-
-
-def _gathered(where: Float[np.ndarray, "n 3"], within: float) -> Float[np.ndarray, "fewer 3"]:
+def _gathered(where: Places, within: float) -> Float[np.ndarray, "fewer 3"]:
     """Means of groups of places [m], each ``within`` that distance [m] of its first one."""
     _, one = np.unique(np.floor(4 * where / within), axis=0, return_index=True)
     where, out = where[one], []
@@ -231,33 +212,16 @@ def _gathered(where: Float[np.ndarray, "n 3"], within: float) -> Float[np.ndarra
 
 
 def narrowest(
-    where: Float[np.ndarray, "n 3"], pieces: Sequence[np.ndarray], edge: float
+    where: Places, pieces: Sequence[np.ndarray], edge: float
 ) -> Iterator[tuple[np.ndarray, np.ndarray]]:
     """Pairs of pieces, and the places [m] at which the gap between them is narrowest.
 
     ``pieces`` are middles (tets, 3) [m]. A gap wider than ``LONGEST`` long edges [m] is none.
     """
-    distance, which = _two_nearest(where, pieces, LONGEST * edge)
-    near = np.flatnonzero(distance.sum(axis=1) <= LONGEST * edge)
-    width = distance[near].sum(axis=1)
-    pairs, pair = np.unique(which[near], axis=0, return_inverse=True)
-    pair = pair.reshape(-1)
-    least = np.full(len(pairs), np.inf)
-    np.minimum.at(least, pair, width)
-    narrow = width <= least[pair] + WIDER * edge
-    for number, ends in enumerate(pairs):
-        yield ends, where[near[narrow & (pair == number)]]
-
-
-def _two_nearest(
-    where: Float[np.ndarray, "n 3"], pieces: Sequence[np.ndarray], reach: float
-) -> tuple[Float[np.ndarray, "n 2"], Int[np.ndarray, "n 2"]]:
-    """Distances [m] of the two nearest pieces, infinite from ``reach`` [m] on, and which they are.
-
-    ``pieces`` are middles (tets, 3) [m].
-    """
     from scipy.spatial import KDTree
 
+    # Distances [m] of the two nearest pieces, infinite from ``reach`` [m] on, and which they are
+    reach = LONGEST * edge
     distance = np.full((len(where), 2), np.inf)
     which = np.zeros((len(where), 2), dtype=np.int64)
     for number, middles in enumerate(pieces):
@@ -271,14 +235,19 @@ def _two_nearest(
         names = np.column_stack([which[near], np.full(len(near), number)])
         distance[near] = np.take_along_axis(three, order, axis=1)
         which[near] = np.take_along_axis(names, order, axis=1)
-    return distance, np.sort(which, axis=1)
+    which = np.sort(which, axis=1)
+    near = np.flatnonzero(distance.sum(axis=1) <= reach)
+    width = distance[near].sum(axis=1)
+    pairs, pair = np.unique(which[near], axis=0, return_inverse=True)
+    pair = pair.reshape(-1)
+    least = np.full(len(pairs), np.inf)
+    np.minimum.at(least, pair, width)
+    narrow = width <= least[pair] + WIDER * edge
+    for number, ends in enumerate(pairs):
+        yield ends, where[near[narrow & (pair == number)]]
 
 
-def pieces_of(tets: Int[np.ndarray, "tets 4"]) -> Int[np.ndarray, "tets"]:
+def pieces_of(tets: Tets) -> Int[np.ndarray, "tets"]:
     """Piece that each tet belongs to: those that hang together by faces."""
-    from scipy.sparse import coo_matrix
-    from scipy.sparse.csgraph import connected_components
-
     _, left, right = facets(tets)
-    links = (np.ones(len(left)), (left, right))
-    return connected_components(coo_matrix(links, shape=(len(tets),) * 2), directed=False)[1]
+    return linked_groups(len(tets), left, right)
