@@ -43,7 +43,7 @@ _HOME = {
     "SimulateOptions": "toolkit.options",
     "TransferOptions": "toolkit.options",
     "ExportOptions": "toolkit.options",
-    "WallOptions": "toolkit.walls",
+    "WallOptions": "toolkit.options",
     "AutophyxError": "fem.errors",
     "TetMesh": "fem.mesh",
     "ElementMaterial": "fem.material",

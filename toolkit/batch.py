@@ -28,16 +28,22 @@ from dataclasses import asdict, dataclass, fields
 from difflib import get_close_matches
 from functools import partial
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 from urllib.parse import quote
 
 from ..converters.files import writing
 from ..fem.errors import BandError, ConvergenceError, InputError, NoVolumeError, UsageError
 from .asset.document import BATCH, SCHEMA, check_document, check_folder, versions, write_json
 from .asset.guard import guarded
-from .options import AssignOptions, ConvertOptions, SimulateOptions, arguments, read_config
-from .report.html import render
-from .walls import WallOptions
+from .options import (
+    AssignOptions,
+    BatchOptions,
+    ConvertOptions,
+    SimulateOptions,
+    WallOptions,
+    arguments,
+    read_config,
+)
 
 # One row of a batch, in a process of its own: tried, limited, and its folder moved in whole.
 #
@@ -489,37 +495,6 @@ def _option(column: str) -> str:
     return column.strip().replace("-", "_")
 
 
-# Options of a batch: who does its rows, and what each may use.
-
-
-@dataclass(frozen=True)
-class BatchOptions:
-    """Who does the rows of a batch, and what each row may use."""
-
-    engine: Literal["local", "ray"] = "local"
-    """Processes of this machine, or a Ray cluster (the extra `batch`)."""
-    address: str | None = None
-    """Address of a running Ray cluster; by default one is started here."""
-    workers: int | None = None
-    """Assets at a time; by default as many as there are cores."""
-    time_limit: float = 1800.0
-    """Seconds that one asset may take."""
-    memory_limit: float = 8.0
-    """Address space [GB] of each process of an asset; 2 is enough for small ones."""
-
-    def checked(self) -> BatchOptions:
-        """Return itself, or say what is out of range."""
-        if self.workers is not None and self.workers < 1:
-            raise UsageError(f"--workers must be at least 1, got {self.workers}")
-        for name in ("time_limit", "memory_limit"):
-            if not getattr(self, name) > 0:
-                flag = name.replace("_", "-")
-                raise UsageError(f"--{flag} must be > 0, got {getattr(self, name):g}")
-        if self.address and self.engine != "ray":
-            raise UsageError("--address names a Ray cluster: say --engine ray too")
-        return self
-
-
 # What a batch leaves beside the results: one table as CSV and JSON, and one page to look at.
 
 PICTURE_WIDTH, PICTURE_QUALITY = 480, 60  # pixels; about 8 kB a picture, 8 MB a thousand
@@ -572,6 +547,8 @@ def write_tables(output: Path, result: BatchResult) -> BatchResult:
 
 def index_page(rows: tuple[dict[str, Any], ...], output: Path) -> str:
     """The page as text: a card for every row, failures first; it asks for nothing from outside."""
+    from .report.html import render
+
     failed = [row for row in rows if row["code"]]
     done = (row for row in rows if not row["code"])
     cards = [_card(row, output) for row in done]

@@ -17,15 +17,16 @@ from tyro.constructors import PrimitiveConstructorSpec
 from ..fem.errors import InputError, UsageError
 from ..fem.laws.law import LAWS
 from ..fem.registry import Registry
-from ..fem.scene.up import UpAxis
+from ..fem.scene import UpAxis
 from ..fem.solve.method import SCENARIOS
 from ..predictors.encoders import ENCODERS, check_encoder
 from ..predictors.predictor import PREDICTORS
-from .asset.load import Unit
+from .asset import Unit
 from .meshing.meshers import AUTO, MESHERS
 
 # What a stage of progress begins with that says how long a run will take: it is always shown.
 EXPECTED = "expected: "
+EVERY = "*"  # in place of a part's name, in options of walls
 Names = Literal["symbols", "usd", "vomp", "pixie", "newton"]
 
 
@@ -88,6 +89,66 @@ class ConvertOptions:
         names += ("mesher", "time_limit", "accept_broken", "seed")
         cache = None if self.no_cache else self.cache or _cache_folder("convert")
         return {name: getattr(self, name) for name in names} | {"cache": cache}
+
+
+@dataclass(frozen=True)
+class WallOptions:
+    """What closed parts are inside: solid, or a wall around something."""
+
+    wall: float | None = None
+    """Wall [m] of every closed part; by default what its kind of thing has, else it is solid."""
+    part_wall: Annotated[tuple[str, ...], Repeated] = ()
+    """Wall [m] of one part, NAME=METRES, or NAME=solid; may be repeated."""
+    fill: Annotated[tuple[str, ...], Repeated] = ()
+    """What walls hold: MATERIAL, or NAME=MATERIAL for one part; may be repeated."""
+    solid: bool = False
+    """Closed parts are solid, whatever they are called."""
+    held: Annotated[tuple[str, ...], tyro.conf.Suppress] = ()
+    """Parts whose walls the mesh has by itself: what a conversion found."""
+    contents: Annotated[tuple[str, ...], tyro.conf.Suppress] = ()
+    """Material of parts that are what walls hold, NAME=MATERIAL: what a conversion made."""
+
+    def geometry(self) -> dict[str, Any]:
+        """Return what the tetrahedraliser makes of it: walls [m] of parts that hold nothing."""
+        walls, full = self.by_part(), self.fillings()
+        hollow = {name: wall for name, wall in walls.items() if wall and EVERY not in full}
+        return {
+            "wall": None if EVERY in full or self.solid else self.wall,
+            "part_wall": hollow,
+            "solid": (
+                *full,
+                *self.held,
+                *pairs(self.contents),
+                *(name for name, wall in walls.items() if wall is None),
+            ),
+        }
+
+    def wall_of(self, part: str) -> float | None:
+        """Return the wall [m] that is said of a part, None where it is solid or nothing is said."""
+        return self.by_part().get(part, None if self.solid else self.wall)
+
+    def filling_of(self, part: str) -> str | None:
+        """Return the material that a part is said to be full of."""
+        full = self.fillings()
+        return full.get(part, full.get(EVERY))
+
+    def by_part(self) -> dict[str, float | None]:
+        """Return the walls [m] of single parts, None for solid ones."""
+        walls = pairs(self.part_wall).items()
+        return {name: None if said == "solid" else _metres(said) for name, said in walls}
+
+    def fillings(self) -> dict[str, str]:
+        """Return the material that each part is full of; ``EVERY`` stands for all."""
+        return pairs([said if "=" in said else f"{EVERY}={said}" for said in self.fill])
+
+
+def _metres(value: str) -> float:
+    try:
+        return float(value)
+    except ValueError as error:
+        raise UsageError(
+            f"wanted a wall in metres, NAME=0.003, or NAME=solid, got {value!r}"
+        ) from error
 
 
 @dataclass(frozen=True)
@@ -268,6 +329,34 @@ class FeatureOptions:
     def memory(self) -> Path | None:
         """Folder of the remembered features, if any."""
         return None if self.no_cache else self.cache or _cache_folder("features")
+
+
+@dataclass(frozen=True)
+class BatchOptions:
+    """Who does the rows of a batch, and what each row may use."""
+
+    engine: Literal["local", "ray"] = "local"
+    """Processes of this machine, or a Ray cluster (the extra `batch`)."""
+    address: str | None = None
+    """Address of a running Ray cluster; by default one is started here."""
+    workers: int | None = None
+    """Assets at a time; by default as many as there are cores."""
+    time_limit: float = 1800.0
+    """Seconds that one asset may take."""
+    memory_limit: float = 8.0
+    """Address space [GB] of each process of an asset; 2 is enough for small ones."""
+
+    def checked(self) -> BatchOptions:
+        """Return itself, or say what is out of range."""
+        if self.workers is not None and self.workers < 1:
+            raise UsageError(f"--workers must be at least 1, got {self.workers}")
+        for name in ("time_limit", "memory_limit"):
+            if not getattr(self, name) > 0:
+                flag = name.replace("_", "-")
+                raise UsageError(f"--{flag} must be > 0, got {getattr(self, name):g}")
+        if self.address and self.engine != "ray":
+            raise UsageError("--address names a Ray cluster: say --engine ray too")
+        return self
 
 
 @dataclass(frozen=True)

@@ -4,3 +4,7 @@ In: arrays of points, tets and E, nu, rho; names of the material table.
 Out: TetMesh, Supports, Traction, obstacles, and the Scene of all of them.
 Read: scene, supports, loads, obstacles, conditions, up.
 """
+
+from typing import Literal
+
+UpAxis = Literal["x", "y", "z", "-x", "-y", "-z"]  # that points up

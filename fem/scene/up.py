@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Literal, get_args
+from typing import get_args
 
 import numpy as np
 from jaxtyping import Float
 
 from ..errors import InputError
+from . import UpAxis
 
 
 def up_index(up: str) -> int:
@@ -38,8 +39,3 @@ def half_turn(up: UpAxis) -> Float[np.ndarray, "3"]:
 def lowest_corner(bounds: Float[np.ndarray, "2 3"], up: UpAxis) -> Float[np.ndarray, "3"]:
     """Return a corner of a box, by its lower and upper ``bounds``, that lies lowest."""
     return np.where(up_vector(up) < 0, bounds[1], bounds[0])
-
-
-# The names of the axes that may point up, for whoever loads nothing else.
-
-UpAxis = Literal["x", "y", "z", "-x", "-y", "-z"]

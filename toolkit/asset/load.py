@@ -7,7 +7,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -15,6 +15,7 @@ from jaxtyping import Float
 from ...fem.errors import InputError, NoVolumeError, UsageError
 from ...fem.mesh import USUAL_SIZE
 from ...predictors.asset import Asset, Part, UpAxis
+from . import Unit
 from .child import ChildFailure, run_guarded
 from .formats import ASSET_FORMATS, AssetContent, NamedSurface, read_content
 from .textures import References
@@ -342,7 +343,4 @@ def guessed_share(mesh: trimesh.Trimesh, cloud: Float[np.ndarray, "n 3"]) -> flo
     return float(mesh.area_faces[far].sum() / mesh.area)
 
 
-# Units of length that a file may be in, for files that do not say so themselves.
-
-Unit = Literal["mm", "cm", "m", "in"]
 METRES: Mapping[Unit, float] = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254}
