@@ -1,10 +1,10 @@
-"""Options of the material point method: classes of parts in words, and the method they make."""
+"""Options of the material point method: classes of parts, the method, and bodies of voxels."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import asdict, fields, replace
 from difflib import get_close_matches
 from pathlib import Path
@@ -12,13 +12,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ...converters.points.table import PointTable
 from ...converters.registry import POINT_FORMATS
 from ...fem.errors import ConvergenceError, UsageError
 from ...fem.mesh import TetMesh
 from ...fem.mpm.materials import MaterialClass, Substance, class_of, triaxial_friction
 from ...fem.mpm.time_step import MpmError
-from ...fem.table import Span, load_contents, load_flows, load_strengths, load_table
+from ...fem.table import Span, key, load_contents, load_flows, load_strengths, load_table
 from ...predictors.field import MaterialField
 from ..options import SimulateOptions
 
@@ -98,6 +97,7 @@ def substances(
     the middle of its range. ``brittle`` is jelly that tears.
     """
     known = {field.name for field in fields(Substance)} - {"kind", "corotated"}
+    names = ", ".join(sorted(known))
     found = {}
     for entry in entries:
         part, equals, said = entry.partition("=")
@@ -106,9 +106,17 @@ def substances(
             classes = ", ".join([*(kind.name.lower() for kind in MaterialClass), BRITTLE])
             raise UsageError(f"--matter {entry!r}: wanted PART=CLASS[,name=value] of {classes}")
         values: dict[str, Any] = {}
-        for number in numbers:
-            key, _, value = number.partition("=")
-            values[_known(key.strip(), known, entry)] = _number(value, entry)
+        for pair in numbers:
+            number, _, text = pair.partition("=")
+            number = number.strip()
+            if number not in known:
+                near = get_close_matches(number, known, n=1)
+                hint = f"; did you mean {near[0]!r}?" if near else f": known are {names}"
+                raise UsageError(f"--matter {entry!r}: no number {number!r}{hint}")
+            try:
+                values[number] = float(text)
+            except ValueError as error:
+                raise UsageError(f"--matter {entry!r}: {text!r} is no number") from error
         row = (materials or {}).get(part.strip(), "")
         values = _from_tables(name, row) | values
         missing = [number for number in WANTED.get(name, ()) if number not in values]
@@ -128,10 +136,14 @@ def flowing_substances(
     found: dict[str, Substance] = {}
     notes: list[str] = []
     for part, row in materials.items():
-        name = classes.get(part) or _class_name(row)
+        own = row.removeprefix("like ")
+        name = classes.get(part)
+        if not name:
+            tables = load_table().phrases, load_contents().phrases
+            known = next((rows[key(own)] for rows in tables if key(own) in rows), None)
+            name = (MaterialClass.JELLY if known is None else class_of(known)).name.lower()
         if MaterialClass[name.upper()] not in FLOWING:
             continue
-        own = row.removeprefix("like ")
         values: dict[str, Any] = _from_tables(name, LIKE.get(name, own)) | _from_tables(name, own)
         missing = [number for number in WANTED.get(name, ()) if number not in values]
         if missing:
@@ -144,16 +156,6 @@ def flowing_substances(
         notes.append(f"{part}: {name} as {row} is{numbers}; --matter {part}=jelly keeps it elastic")
         found[part] = Substance(kind=MaterialClass[name.upper()], **values)
     return found, tuple(notes)
-
-
-def _class_name(row: str) -> str:
-    """Class of a row of the table, in small letters; jelly of one that is not there."""
-    name = row.removeprefix("like ")
-    for table in (load_table(), load_contents()):
-        known = table.exact(name)
-        if known is not None:
-            return class_of(known).name.lower()
-    return MaterialClass.JELLY.name.lower()
 
 
 def _from_tables(name: str, row: str) -> dict[str, float]:
@@ -178,21 +180,6 @@ def _from_tables(name: str, row: str) -> dict[str, float]:
     return values
 
 
-def _known(name: str, known: set[str], entry: str) -> str:
-    if name not in known:
-        near = get_close_matches(name, known, n=1)
-        hint = f"; did you mean {near[0]!r}?" if near else f": known are {', '.join(sorted(known))}"
-        raise UsageError(f"--matter {entry!r}: no number {name!r}{hint}")
-    return name
-
-
-def _number(text: str, entry: str) -> float:
-    try:
-        return float(text)
-    except ValueError as error:
-        raise UsageError(f"--matter {entry!r}: {text!r} is no number") from error
-
-
 @contextmanager
 def logged(output: Path | None) -> Iterator[None]:
     """Where a run of particles fails, write what is known of it beside ``output``, as JSON.
@@ -212,9 +199,6 @@ def logged(output: Path | None) -> Iterator[None]:
         known = {"plan": error.plan, "notes": error.notes, "failure": asdict(error.failure)}
         log.write_text(json.dumps(known, indent=1) + "\n", encoding="utf-8")
         raise ConvergenceError(f"{error}; log: {log}") from error
-
-
-# A body of voxels: fields, and splats or points that carry E, nu and rho, without a mesher.
 
 
 class VoxelBody(NamedTuple):
@@ -250,7 +234,12 @@ def voxel_body(path: Path, *, cells: int, scale: float = 1.0) -> VoxelBody | Non
     if not all(name in table.columns for name in ("E", "nu", "rho")):
         return None
     places = {name: scale * np.asarray(table.columns[name], dtype=np.float64) for name in "xyz"}
-    names = _part_names(table)
+    names: tuple[str, ...] = ()
+    for comment in reversed(table.comments):  # the first in which `transfer` names the parts
+        with suppress(ValueError):
+            remark = json.loads(comment)
+            if isinstance(remark, dict) and "part" in remark:
+                names = tuple(map(str, remark["part"]))
     field = field_from_points(table.with_columns(places), cells=cells, part_names=names)
     from scipy.ndimage import binary_erosion
 
@@ -276,21 +265,3 @@ def rows_of_field(field: MaterialField) -> dict[str, str]:
         own = field.material[field.occupied & (field.part == part)]
         rows[field.part_names[part]] = field.material_names[np.bincount(own).argmax()]
     return rows
-
-
-def check_particles(path: Path, *, particles: bool) -> None:
-    """A body of voxels has a surface in steps: ``UsageError`` where elements would solve it."""
-    if not particles:
-        raise UsageError(f"{path} is no mesh: --solver mpm makes particles of it, or `convert` it")
-
-
-def _part_names(table: PointTable) -> tuple[str, ...]:
-    """Names of the parts from the remark that ``transfer`` leaves."""
-    for comment in table.comments:
-        try:
-            known = json.loads(comment)
-        except ValueError:
-            continue
-        if isinstance(known, dict) and "part" in known:
-            return tuple(map(str, known["part"]))
-    return ()

@@ -5,10 +5,11 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import fields, replace
 from math import isnan
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
 
@@ -27,7 +28,8 @@ from ...fem.scene.conditions import (
 )
 from ...fem.scene.scene import Scene
 from ...fem.solve.method import METHODS, SCENARIOS, Method, Scenario
-from ...fem.solve.result import Modes, MotionResult, SagResult
+from ...fem.solve.modal import quick_order
+from ...fem.solve.result import Modes, MotionResult
 from ...predictors.asset import UpAxis
 from ..asset.document import BodyRecord, read_known
 from ..options import EXPECTED, SimulateOptions, with_given
@@ -71,7 +73,7 @@ def run_scenario(
     if progress is not None:
         progress(f"{options.scenario}, {len(mesh.tets):,} tets", 0.0)
     stated = stated_conditions(options)
-    mesh, rows = with_bodies(mesh, materials or {}, stated.bodies)
+    mesh, rows = _with_bodies(mesh, materials or {}, stated.bodies)
     scenario = _scenario(options, stated.gravity)
     kind = method_name(options, scenario)
     method = chosen_method(kind, options, rows, announce(progress, started), classes=classes)
@@ -88,11 +90,20 @@ def run_scenario(
         device=options.device,
         progress=frames_told(options.scenario, progress, started),
     )
-    changed = bool(stated.conditions)
-    found = _answer(scene, options.scenario, result, stated=changed)
-    if scenario.with_modes and isinstance(found, Settled):
-        found = replace(found, modes=_standing_modes(scene, options.device))
-    return replace(found, materials=rows, seconds=time.perf_counter() - started)
+    known: Any = {"stated": bool(stated.conditions), "materials": rows}
+    if isinstance(result, MotionResult):
+        answer = Moving(scene, options.scenario, **known, motion=result)
+    elif isinstance(result, Modes):
+        answer = Ringing(scene, options.scenario, **known, modes=result)
+    else:
+        answer = Settled(scene, options.scenario, **known, solved=result)
+        # First vibrations of the body as it is held, where a direct factor finds them
+        if scenario.with_modes and (order := quick_order(scene.mesh)) is not None:
+            first = replace(scene, modes=STANDING_MODES)
+            with suppress(ConvergenceError, InputError):  # too few unknowns for so many modes
+                modes = METHODS["modal"].solve(first, order=order, device=options.device)
+                answer = replace(answer, modes=cast("Modes", modes))
+    return replace(answer, seconds=time.perf_counter() - started)
 
 
 def stated_scene(
@@ -106,37 +117,31 @@ def stated_scene(
     stated = stated_conditions(options)
     scenario = _scenario(options, stated.gravity)
     kind = method_name(options, scenario)
-    if kind != "mpm":
-        _check_conditions(options, stated.conditions, kind)
+    # Say what a method cannot follow, rather than leave it out in silence
+    conditions = stated.conditions
+    if kind in ("dynamics", "spring", "lbs") and conditions.move:
+        what = f"--scenario {options.scenario}" if kind == "dynamics" else f"--solver {kind}"
+        raise UsageError(f"--move is for bodies at rest: {what} is a motion")
+    if kind in ("statics", "modal") and conditions.obstacle:
+        raise UsageError(
+            "--obstacle: only motions meet obstacles: --scenario drop, squeeze ... or --solver mpm"
+        )
+    for load in (*LOADS, "move") if kind == "modal" else ():
+        if getattr(conditions, load):
+            raise UsageError(f"--{load}: loads do not change vibrations; --fix does")
     if stated.bodies and kind not in MEETING:
         raise UsageError("--body: bodies meet in motions: --scenario drop ..., --solver fem or mpm")
     mesh, notes = grained(mesh, options, materials or {}, method=kind)
-    scene = stated.conditions.applied(scenario.scene(mesh, up=up))
-    notes = (*scene.warnings, *notes, *_held_notes(scene, options.scenario))
-    return replace(scene, self_contact=options.self_contact, warnings=notes)
-
-
-def _held_notes(scene: Scene, scenario: str) -> tuple[str, ...]:
-    """Say that what is to fall is held; refuse a body of which nothing can move."""
+    scene = conditions.applied(scenario.scene(mesh, up=up))
     held = scene.held
     if held.fixed.all() and not held.values.any():
         raise UsageError(
             "every point of the body is held: nothing can move, wanted a smaller --fix"
         )
-    if scenario == "drop" and held.fixed.any():
-        return ("drop: the body is held, so that it does not fall, but swings under its weight",)
-    return ()
-
-
-def _answer(
-    scene: Scene, scenario: str, result: SagResult | MotionResult | Modes, *, stated: bool
-) -> Simulation:
-    """What is told of a scene, by the kind of its result, whatever the method."""
-    if isinstance(result, SagResult):
-        return Settled(scene, scenario, stated, solved=result)
-    if isinstance(result, MotionResult):
-        return Moving(scene, scenario, stated, motion=result)
-    return Ringing(scene, scenario, stated, modes=result)
+    if options.scenario == "drop" and held.fixed.any():
+        swings = "drop: the body is held, so that it does not fall, but swings under its weight"
+        notes = (*notes, swings)
+    return replace(scene, self_contact=options.self_contact, warnings=(*scene.warnings, *notes))
 
 
 def _scenario(options: SimulateOptions, gravity: float | None) -> Scenario:
@@ -155,23 +160,6 @@ def _scenario(options: SimulateOptions, gravity: float | None) -> Scenario:
             raise UsageError(f"--gravity: --scenario {name} leaves the weight out")
         given["gravity"] = gravity
     return kind(**given)
-
-
-def _check_conditions(
-    options: SimulateOptions, conditions: BoundaryConditions, method: str
-) -> None:
-    """Say what a method cannot follow, rather than leave it out in silence."""
-    if method in ("dynamics", "spring", "lbs") and conditions.move:
-        what = f"--scenario {options.scenario}" if method == "dynamics" else f"--solver {method}"
-        raise UsageError(f"--move is for bodies at rest: {what} is a motion")
-    if method in ("statics", "modal") and conditions.obstacle:
-        raise UsageError(
-            "--obstacle: only motions meet obstacles: --scenario drop, squeeze ... or --solver mpm"
-        )
-    if method == "modal":
-        for kind in (*LOADS, "move"):
-            if getattr(conditions, kind):
-                raise UsageError(f"--{kind}: loads do not change vibrations; --fix does")
 
 
 def announce(progress: Progress | None, started: float) -> Callable[[str], None] | None:
@@ -201,39 +189,10 @@ def frames_told(scenario: str, progress: Progress | None, started: float) -> Any
     return frame_done
 
 
-def _standing_modes(scene: Scene, device: str) -> Any:
-    """First vibrations of a body as it is held, where a direct factor finds them; else None."""
-    from ...fem.scenarios import Vibration
-    from ...fem.solve.modal import quick_order
-
-    order = quick_order(scene.mesh)
-    if order is None:
-        return None
-    try:
-        wanted = replace(scene, modes=STANDING_MODES)
-        return METHODS[Vibration.method].solve(wanted, order=order, device=device)
-    except (ConvergenceError, InputError):  # too few unknowns for so many modes
-        return None
-
-
-# Further bodies of a scene: meshes beside the first, moved to where they are wanted.
-
-
-class Bodies(NamedTuple):
-    """All bodies as one ``mesh``, and the row of the table that each part is of."""
-
-    mesh: TetMesh
-    materials: dict[str, str]
-
-
-def with_bodies(mesh: TetMesh, materials: Mapping[str, str], entries: Sequence[str]) -> Bodies:
-    """Join the meshes of ``entries``, 'FILE' or 'FILE=x,y,z' [m], to ``mesh``.
-
-    Raises
-    ------
-    InputError
-        Where a file is no mesh with a material.
-    """
+def _with_bodies(
+    mesh: TetMesh, materials: Mapping[str, str], entries: Sequence[str]
+) -> tuple[TetMesh, dict[str, str]]:
+    """Join the meshes of ``entries``, 'FILE' or 'FILE=x,y,z' [m], to ``mesh``, and their rows."""
     rows = dict(materials)
     for entry in entries:
         path, equals, place = entry.rpartition("=")
@@ -245,10 +204,8 @@ def with_bodies(mesh: TetMesh, materials: Mapping[str, str], entries: Sequence[s
         mesh = join_meshes(mesh, other, shift)
         renamed = zip(other.region_names, mesh.region_names[before:], strict=True)
         rows |= {new: known[old] for old, new in renamed if old in known}
-    return Bodies(mesh, rows)
+    return mesh, rows
 
-
-# Which method solves a scenario: its own, or the one of ``--solver`` with its options.
 
 # What solvers beside finite elements cannot do, by name of the scenario's own method or scenario.
 REFUSED = {
@@ -377,12 +334,6 @@ def _check_parameters(options: SimulateOptions) -> None:
         raise UsageError("--parameters-alpha: wanted --parameters of `match --to-stiff` with it")
 
 
-# What a match has found between a soft and a stiff motion: moduli at an alpha in between.
-
-# Where nothing is said.
-MIDDLE = 0.5
-
-
 class Moduli(NamedTuple):
     """What E of all cells is multiplied by [1], and their Poisson's ratio [1] where it is known."""
 
@@ -396,7 +347,7 @@ def checked_alpha(alpha: float | None, ends: int) -> float:
         raise UsageError(
             f"--parameters-alpha {alpha:g}: wanted 0 to 1, with --parameters of `match --to-stiff`"
         )
-    return 0.0 if ends < 2 else MIDDLE if alpha is None else alpha
+    return 0.0 if ends < 2 else 0.5 if alpha is None else alpha
 
 
 def moduli_between(ends: Sequence[MotionFit], alpha: float | None = None) -> Moduli:
@@ -414,8 +365,6 @@ def moduli_between(ends: Sequence[MotionFit], alpha: float | None = None) -> Mod
         return Moduli(scale, None)
     return Moduli(scale, (1 - share) * soft.nu + share * stiff.nu)
 
-
-# The grain of wood in a simulation: which way it is said to run, and who takes it.
 
 METHODS_WITH_GRAIN = ("statics", "modal", "dynamics")
 
@@ -455,9 +404,6 @@ def stated_grains(mesh: TetMesh, entries: Sequence[str]) -> dict[str, np.ndarray
         if not found[part].any():
             raise UsageError(f"--grain {entry!r}: wanted a direction, not zero")
     return found
-
-
-# What the options of a simulation state of supports, loads and gravity.
 
 
 def stated_conditions(options: SimulateOptions) -> ConditionsFile:

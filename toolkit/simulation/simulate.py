@@ -11,13 +11,13 @@ from ...fem.errors import InputError, UsageError
 from ...fem.mesh import TetMesh
 from ...fem.solve.method import SCENARIOS
 from ...predictors.asset import UpAxis
-from ..asset.document import BodyRecord, Sidecar, check_file, check_folder, read_known
+from ..asset.document import BodyRecord, check_file, check_folder, read_known
 from ..driving import checked_scale
 from ..driving import drive as move_carrier
 from ..options import SimulateOptions, command_line
 from ..verdict.simulation import Simulation
-from .matter import VoxelBody, cells_wanted, check_particles, logged, voxel_body
-from .scenario import changed_options
+from .matter import cells_wanted, logged, voxel_body
+from .scenario import changed_options, run_scenario
 
 
 def simulate(
@@ -50,82 +50,34 @@ def simulate(
     Raises InputError where the mesh has no material, UsageError where a place of it is stated that
     is not there, and ConvergenceError where the solver does not reach its tolerance.
     """
-    from .scenario import run_scenario
-
     options = changed_options(options or SimulateOptions(), given)
-    body = _voxels(mesh, options, 1.0 if drive_scale is None else drive_scale)
-    drive = drive or (None if body is None or output is None or output.suffix else body.carrier)
-    wanted = {"output": output, "report": report, "picture": picture}
-    output = _checked_output(drive, output)
-    _check_pages(report, picture, touch=options.touch)
-    source = Path("MESH") if isinstance(mesh, TetMesh) else Path(mesh)
-    scale = 1.0 if drive is None else checked_scale(drive_scale, mesh, drive)
-    mesh, sidecar = _with_material(mesh if body is None else body.mesh, up)
-    record = _known(record or BodyRecord.of(sidecar), body, materials)
-    known = {"up": sidecar.up, "materials": record.materials, "classes": record.classes}
-    with logged(output):
-        result = _noted(run_scenario(mesh, options, **known, progress=progress), body)
-    result = replace(
-        result,
-        draws=record.draws,
-        exact=record.exact,
-        differences=record.differences,
-        size_stated=record.size_stated,
-    )
-    if drive is not None and output is not None:
-        # The result with the frames of a carrier that moved with it
-        output.parent.mkdir(parents=True, exist_ok=True)
-        place = {"folder": output.parent, "scale": scale, "up": sidecar.up}
-        moved = result.animation.displacement
-        driven = move_carrier(result.mesh, moved, drive, run=result.particles, **place)
-        result = replace(result, driven=driven, files=driven.files)
-    again = command_line("simulate", source, options=(options,), up=up, drive=drive, **wanted)
-    files = {**wanted, "output": output, "touch": options.touch, "command": again}
-    return _shown(result, source.stem, sidecar, **files)
-
-
-def _with_material(mesh: TetMesh | str | Path, up: UpAxis | None) -> tuple[TetMesh, Sidecar]:
-    """The mesh, which must have a material, and its sidecar."""
-    mesh, sidecar, *_ = read_known(mesh, None)
-    if mesh.material is None:
-        raise InputError("the mesh has no E, nu and rho: run `autophyx-tet assign` on it first")
-    return mesh, replace(sidecar, up=up or sidecar.up)
-
-
-def _known(
-    record: BodyRecord, body: VoxelBody | None, materials: Mapping[str, str] | None
-) -> BodyRecord:
-    """The record with the rows that were given, or else, where it has none, those of voxels."""
-    if materials is not None:
-        return record.of_other_materials(materials)
-    if body is None or record.materials:
-        return record
-    return replace(record, materials=body.materials)
-
-
-def _voxels(
-    source: str | Path | TetMesh, options: SimulateOptions, scale: float
-) -> VoxelBody | None:
-    """What is no mesh of tets as a body of voxels, for particles."""
-    if isinstance(source, TetMesh):
-        return None
-    body = voxel_body(Path(source), cells=cells_wanted(options), scale=scale)
+    # What is no mesh of tets is a body of voxels, for particles
+    body = None
+    if not isinstance(mesh, TetMesh):
+        scale = 1.0 if drive_scale is None else drive_scale
+        body = voxel_body(Path(mesh), cells=cells_wanted(options), scale=scale)
     if body is not None:
-        by_particles = options.solver == "mpm" or SCENARIOS[options.scenario].method == "mpm"
-        check_particles(Path(source), particles=by_particles)
-    return body
-
-
-def _noted(result: Simulation, body: VoxelBody | None) -> Simulation:
-    """The result with what was assumed of a body of voxels."""
-    if body is None:
-        return result
-    warnings = (*result.scene.warnings, *body.notes)
-    return replace(result, scene=replace(result.scene, warnings=warnings))
-
-
-def _check_pages(report: Path | None, picture: Path | None, *, touch: bool) -> None:
-    if touch and report is None:
+        if options.solver != "mpm" and SCENARIOS[options.scenario].method != "mpm":
+            raise UsageError(
+                f"{Path(mesh)} is no mesh: --solver mpm makes particles of it, or `convert` it"
+            )
+        if output is not None and not output.suffix:
+            drive = drive or body.carrier
+    # What is to be written can be written, before the work
+    wanted = {"output": output, "report": report, "picture": picture}
+    if drive is None:
+        if output is not None:
+            check_file(output, (".vtu", ".vtk", ".pvd", ".glb"))
+    elif output is None:
+        raise UsageError("--drive writes files: give a folder by -o")
+    elif output.suffix:
+        raise UsageError(f"--drive: output {output} is a file, wanted a folder")
+    elif not drive.is_file():
+        raise InputError(f"no such file: {drive}")
+    else:
+        check_folder(output)
+        output = output / "motion.pvd"
+    if options.touch and report is None:
         raise UsageError("--touch: a body to pull is a part of the page: give --report FILE.html")
     if report is not None:
         check_file(report, (".html",))
@@ -133,48 +85,49 @@ def _check_pages(report: Path | None, picture: Path | None, *, touch: bool) -> N
         from ..report.picture import SUFFIXES
 
         check_file(picture, SUFFIXES)
-
-
-def _shown(
-    result: Simulation,
-    name: str,
-    sidecar: Sidecar,
-    *,
-    touch: bool,
-    command: str,
-    output: Path | None,
-    report: Path | None,
-    picture: Path | None,
-) -> Simulation:
-    """Write a result, its page and its picture; the files are on record."""
+    source = Path("MESH") if isinstance(mesh, TetMesh) else Path(mesh)
+    scale = 1.0 if drive is None else checked_scale(drive_scale, mesh, drive)
+    mesh, sidecar, *_ = read_known(mesh if body is None else body.mesh, None)
+    if mesh.material is None:
+        raise InputError("the mesh has no E, nu and rho: run `autophyx-tet assign` on it first")
+    sidecar = replace(sidecar, up=up or sidecar.up)
+    record = record or BodyRecord.of(sidecar)
+    if materials is not None:
+        record = record.of_other_materials(materials)
+    elif body is not None and not record.materials:
+        record = replace(record, materials=body.materials)
+    known = {"up": sidecar.up, "materials": record.materials, "classes": record.classes}
+    with logged(output):
+        result = run_scenario(mesh, options, **known, progress=progress)
+    if body is not None:
+        warnings = (*result.scene.warnings, *body.notes)
+        result = replace(result, scene=replace(result.scene, warnings=warnings))
+    result = replace(
+        result,
+        draws=record.draws,
+        exact=record.exact,
+        differences=record.differences,
+        size_stated=record.size_stated,
+    )
+    again = command_line("simulate", source, options=(options,), up=up, drive=drive, **wanted)
+    files: list[Path] = []
+    if drive is not None and output is not None:
+        output.parent.mkdir(parents=True, exist_ok=True)
+        place = {"folder": output.parent, "scale": scale, "up": sidecar.up}
+        moved = result.animation.displacement
+        driven = move_carrier(result.mesh, moved, drive, run=result.particles, **place)
+        result = replace(result, driven=driven)
+        files += driven.files
     if output is not None:
-        result = replace(result, files=(*result.write(output), *result.files))
+        files[:0] = result.write(output)
     if report is not None:
         from ..report.html import write_report
         from ..report.pages import simulation_page
 
-        page = simulation_page(name, result, sidecar, touch=touch, command=command)
-        written = write_report(report, page)
-        result = replace(result, files=(*result.files, written))
+        page = simulation_page(source.stem, result, sidecar, touch=options.touch, command=again)
+        files.append(write_report(report, page))
     if picture is not None:
         from ..report.picture import write_picture
 
-        drawn = write_picture(picture, result, up=sidecar.up)
-        result = replace(result, files=(*result.files, drawn))
-    return result
-
-
-def _checked_output(drive: Path | None, output: Path | None) -> Path | None:
-    """The output if it can be written: with a driven carrier the .pvd in its folder."""
-    if drive is None:
-        if output is not None:
-            check_file(output, (".vtu", ".vtk", ".pvd", ".glb"))
-        return output
-    if output is None:
-        raise UsageError("--drive writes files: give a folder by -o")
-    if output.suffix:
-        raise UsageError(f"--drive: output {output} is a file, wanted a folder")
-    if not drive.is_file():
-        raise InputError(f"no such file: {drive}")
-    check_folder(output)
-    return output / "motion.pvd"
+        files.append(write_picture(picture, result, up=sidecar.up))
+    return replace(result, files=tuple(files))
