@@ -8,7 +8,7 @@ from __future__ import annotations
 import re
 import sys
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from threading import Event, Thread
 from typing import TYPE_CHECKING, Any
@@ -279,7 +279,7 @@ def _answer(document: Document) -> Iterator[str]:
     yield from _verdicts(answer)
 
 
-def _table(rows: list[Mapping[str, Any]], columns: Mapping[str, str]) -> Table:
+def _table(rows: Sequence[Mapping[str, Any]], columns: Mapping[str, str]) -> Table:
     from rich.markup import escape
     from rich.table import Table
 
@@ -299,7 +299,7 @@ def _table(rows: list[Mapping[str, Any]], columns: Mapping[str, str]) -> Table:
     return table
 
 
-def _scores(rows: list[Mapping[str, Any]]) -> Table:
+def _scores(rows: Sequence[Mapping[str, Any]]) -> Table:
     """A table of the columns of one word or number a row; those without any are left out."""
     plain = (str, int, float, type(None))
     columns = {name: [row[name] for row in rows] for name in rows[0]}

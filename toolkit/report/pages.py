@@ -170,9 +170,9 @@ def _case(
     rows = []
     for row in parts:
         ranges = plain(row["ranges"])
-        spans = {f"{q}_span": Span(ranges[q]["min"], ranges[q]["max"]) for q in ("E", "nu", "rho")}
-        same = ("name", "material", "E", "nu", "rho", "volume", "mass", "source")
-        rows.append(PartRow(words=row["why"], **{name: row[name] for name in same}, **spans))
+        spans = (Span(ranges[name]["min"], ranges[name]["max"]) for name in ("E", "nu", "rho"))
+        same = ("name", "material", "why", "E", "nu", "rho", "volume", "mass", "source")
+        rows.append(PartRow(*(row[name] for name in same), *spans))
     body = None
     if touch:
         try:

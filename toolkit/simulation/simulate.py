@@ -51,15 +51,16 @@ def simulate(
     is not there, and ConvergenceError where the solver does not reach its tolerance.
     """
     options = changed_options(options or SimulateOptions(), given)
+    source = Path("MESH") if isinstance(mesh, TetMesh) else Path(mesh)
     # What is no mesh of tets is a body of voxels, for particles
     body = None
     if not isinstance(mesh, TetMesh):
         scale = 1.0 if drive_scale is None else drive_scale
-        body = voxel_body(Path(mesh), cells=cells_wanted(options), scale=scale)
+        body = voxel_body(source, cells=cells_wanted(options), scale=scale)
     if body is not None:
         if options.solver != "mpm" and SCENARIOS[options.scenario].method != "mpm":
             raise UsageError(
-                f"{Path(mesh)} is no mesh: --solver mpm makes particles of it, or `convert` it"
+                f"{source} is no mesh: --solver mpm makes particles of it, or `convert` it"
             )
         if output is not None and not output.suffix:
             drive = drive or body.carrier
@@ -85,7 +86,6 @@ def simulate(
         from ..report.picture import SUFFIXES
 
         check_file(picture, SUFFIXES)
-    source = Path("MESH") if isinstance(mesh, TetMesh) else Path(mesh)
     scale = 1.0 if drive is None else checked_scale(drive_scale, mesh, drive)
     mesh, sidecar, *_ = read_known(mesh if body is None else body.mesh, None)
     if mesh.material is None:
