@@ -14,17 +14,25 @@ import os
 import re
 import sys
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 from functools import cache
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
+from jaxtyping import Float, Int
 
 from ...converters.files import writing
 from ...fem.errors import InputError
+from ...fem.mesh import TetMesh
+from ...fem.reduced.model import ReducedModel
+from ...fem.table import Span
+from ...predictors.asset import UpAxis
+from ..verdict.description import Acting, Marks
 from ..verdict.verdict import (
     MARKS,
+    Verdict,
     mass_words,
     rounded,
     si,
@@ -32,7 +40,6 @@ from ..verdict.verdict import (
     value_words,
     volume_words,
 )
-from .content import Case, Fact, ReportContent, TouchBody
 from .picture import PALETTES, PARTS
 
 if TYPE_CHECKING:
@@ -55,6 +62,177 @@ MOTION_NUMBERS = 1_800_000
 _ADDRESS = re.compile(r"(https?://[^\s;,<>\"']+[^\s;,.<>\"')])")
 # What could end the data's element or is a line break to older script engines.
 _ESCAPES = {ord(c): f"\\u{ord(c):04x}" for c in "<>&\u2028\u2029"}
+
+
+Fact = tuple[str, str]  # a label, and words
+
+
+class Look(NamedTuple):
+    """Colours as ``#rrggbb``, at most ``MOST``, and which of them each tet has, shape (tets,)."""
+
+    colors: tuple[str, ...]
+    index: Int[np.ndarray, "tets"]
+
+
+class TouchBody(NamedTuple):
+    """A body to pull.
+
+    ``magnification`` and ``slowness`` [1] are how many times larger and slower than it is it is
+    shown; ``moved`` [m] is how far ``FINGER`` N move its softest place.
+    """
+
+    model: ReducedModel
+    magnification: float
+    slowness: float
+    moved: float
+
+    @property
+    def words(self) -> str:
+        """How it is shown, in words."""
+        size = "as large as it is"
+        if self.magnification > 1:
+            size = f"magnified {self.magnification:,.0f} times"
+        pace = "in its own time" if self.slowness == 1 else f"{self.slowness:,.0f} times slower"
+        return f"Its motion is shown {size} and {pace}."
+
+
+@dataclass(frozen=True)
+class PartRow:
+    """One row of the material table; ``words`` of the text decided on ``material``.
+
+    Units: ``E`` [Pa], ``nu`` [1], ``rho`` [kg/m^3], ``volume`` [m^3], ``mass`` [kg].
+    """
+
+    name: str
+    material: str
+    words: str
+    E: float
+    nu: float
+    rho: float
+    volume: float
+    mass: float
+    source: str = ""
+    E_span: Span | None = None
+    nu_span: Span | None = None
+    rho_span: Span | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """One text and what follows from it; several cases are shown side by side.
+
+    Parameters
+    ----------
+    text
+        The sentence that chose the materials.
+    mesh
+        The tets with their material.
+    parts
+        The material table.
+    displacement
+        Static displacement [m], shape (points, 3).
+    von_mises
+        Von Mises stress of the static state [Pa], shape (tets,): the mean of each tet.
+    max_von_mises
+        The largest at the points [Pa], as verdicts judge it; None: the largest of the tets.
+    motion
+        Displacement [m] of every frame, shape (frames, points, 3).
+    times
+        Time [s] of every frame, increasing, shape (frames,).
+    frequencies
+        Natural frequencies [Hz].
+    vibrations
+        Shapes that belong to them, of any size, shape (modes, points, 3).
+    state, clock
+        What ``displacement`` is called, and whether ``times`` are seconds or shares of the load.
+    title, acting
+        What was simulated, and everything that held and loaded the body, in words.
+    marks
+        Where supports and loads are drawn.
+    solved
+        How it was solved: law, elements, solver ..., label and words.
+    answers
+        What a reader asks first: what moves most, whether it gives way ...
+    touch
+        The body to pull; None: the page has none.
+    look
+        How the asset looks, by tets; None: it has no colours.
+    alpha
+        Place of what is not said between soft (0) and stiff (1), where cases differ by it.
+    """
+
+    text: str
+    mesh: TetMesh
+    parts: tuple[PartRow, ...] = ()
+    displacement: Float[np.ndarray, "points 3"] | None = None
+    von_mises: Float[np.ndarray, "tets"] | None = None
+    motion: Float[np.ndarray, "frames points 3"] | None = None
+    times: Float[np.ndarray, "frames"] | None = None
+    frequencies: tuple[float, ...] = ()
+    verdicts: tuple[Verdict, ...] = ()
+    title: str = ""
+    acting: tuple[Acting, ...] = ()
+    marks: Marks | None = None
+    solved: tuple[Fact, ...] = ()
+    answers: tuple[Fact, ...] = ()
+    touch: TouchBody | None = None
+    vibrations: Float[np.ndarray, "modes points 3"] | None = None
+    state: str = "Under load"
+    clock: Literal["time", "load"] = "time"
+    look: Look | None = None
+    alpha: float | None = None
+    max_von_mises: float | None = None
+
+    def __post_init__(self) -> None:
+        points, tets = len(self.mesh.points), len(self.mesh.tets)
+        if self.mesh.material is None:
+            raise InputError("the report needs a mesh with E, nu and rho: run `assign` first")
+        frames = 0 if self.motion is None else len(self.motion)
+        wanted = {
+            "displacement": (points, 3),
+            "von_mises": (tets,),
+            "motion": (frames, points, 3),
+            "times": (frames,),
+            "vibrations": (len(self.frequencies), points, 3),
+        }
+        for name, shape in wanted.items():
+            array = getattr(self, name)
+            if array is None:
+                continue
+            if array.shape != shape:
+                raise InputError(f"{name} of the report must have shape {shape}, got {array.shape}")
+            if not np.isfinite(array).all():
+                bad = int((~np.isfinite(array)).sum())
+                raise InputError(f"{name} has {bad} values that are not finite: cannot be drawn")
+        if frames and self.times is None:
+            raise InputError(f"motion of {frames} frames needs the time [s] of every frame")
+
+
+@dataclass(frozen=True, eq=False)
+class ReportContent:
+    """Everything the report shows.
+
+    ``quality`` maps a label to a number or word, or to a 1-D array, which becomes a histogram.
+    ``provenance`` maps a label to a value or to a mapping of such (hashes, versions, options).
+    ``up`` is the axis of the mesh that points up. ``pictures`` maps a caption to a PNG or GIF's
+    bytes. ``made`` says when and by what, ``command`` how to make it again, ``loaded`` what was
+    read and meshed.
+    """
+
+    title: str
+    cases: tuple[Case, ...]
+    up: UpAxis = "z"
+    quality: Mapping[str, object] = field(default_factory=dict)
+    warnings: tuple[str, ...] = ()
+    provenance: Mapping[str, object] = field(default_factory=dict)
+    pictures: Mapping[str, bytes] = field(default_factory=dict)
+    made: str = ""
+    command: str = ""
+    loaded: tuple[Fact, ...] = ()
+
+    def __post_init__(self) -> None:
+        if not self.cases:
+            raise InputError("a report needs at least one case, got none")
 
 
 def write_report(path: str | os.PathLike[str], content: ReportContent) -> Path:

@@ -11,17 +11,23 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from jaxtyping import Float, UInt8
 
 from ... import __version__
 from ...converters import files as npz
 from ...converters.files import writing_folder
 from ...converters.mesh.meshdata import write_mesh
-from ...fem.errors import UsageError
+from ...fem.errors import ConvergenceError, InputError, UsageError
 from ...fem.mesh import TetMesh
-from ...fem.reduced.basis import accuracy_warnings
+from ...fem.reduced.basis import accuracy_warnings, reduce_body
+from ...fem.reduced.elasticity import ReducedElasticity, reduced_frequencies
+from ...fem.reduced.model import ReducedModel, Subspace
+from ...fem.scene.scene import Scene
+from ...fem.scene.up import up_vector
 from ...fem.table import Span
 from ...fem.verdicts import GIVES_WAY
-from ...predictors.asset import UpAxis
+from ...predictors.appearance.surface import skin_of
+from ...predictors.asset import Asset, UpAxis
 from ...predictors.prediction import GUESS
 from ..asset.document import SCHEMA, Sidecar, now, plain, versions, write_json
 from ..meshing.messages import listed
@@ -30,8 +36,7 @@ from ..verdict.description import describe, marks
 from ..verdict.run import RunResult, Stopwatch
 from ..verdict.simulation import Ringing, Settled, Simulation
 from ..verdict.verdict import Verdict, si
-from .content import Case, Fact, PartRow, ReportContent, look_of, touch_of
-from .html import report_page, write_report
+from .html import Case, Fact, Look, PartRow, ReportContent, TouchBody, report_page, write_report
 from .picture import CAPTION, PARTICLES, feature_png, particle_film, render_png, story
 
 log = logging.getLogger(__name__)
@@ -39,6 +44,13 @@ log = logging.getLogger(__name__)
 MESHERS = {"ftetwild": "fTetWild", "stuffing": "a lattice cut to the surface"}
 UNJUDGED = "not judged in a motion: a load at rest is, --scenario sag with --load"
 SAFE_TOLD = 1000.0  # safety factors above it are told as more than it
+# How an asset looks: coloured points of its surface, one a pixel of a picture of 200 x 200, and
+# colours, what one map of the page tells apart.
+COLOURED, MOST = 40_000, 64
+MOST_CELLS, MOST_DOFS = 250, 40  # of a body to pull: what a page can step sixty times a second
+# The force [N] of a finger moves its softest place by this fraction of the diagonal, as it is shown
+FINGER, SHOWN = 10.0, 0.1
+SLOWEST = 0.5  # s that its slowest vibration takes at least
 PICTURE, SAMPLES = 320, 4  # pixels of a panel and rays a pixel: one or two seconds of a core
 
 
@@ -204,6 +216,90 @@ def _case(
         answers=(*found(simulation, parts), *([] if doubts is None else [unheard(doubts)])),
         touch=body,
     )
+
+
+def look_of(asset: Asset, mesh: TetMesh) -> Look | None:
+    """The colour of the asset's surface where it is nearest to each tet; None where it has one.
+
+    A tet on the surface has the colour of its face, which lies nearer than its centroid.
+    """
+    from PIL import Image
+    from scipy.spatial import KDTree
+
+    where, colour = _coloured_points(asset)
+    if len(np.unique(colour, axis=0)) < 2:
+        return None
+    at = mesh.centroids.copy()
+    at[mesh.boundary.tet] = mesh.points[mesh.boundary.faces].mean(axis=1)
+    seen = colour[KDTree(where).query(at)[1]]
+    image = Image.fromarray(seen[None]).quantize(MOST, method=Image.Quantize.MEDIANCUT)
+    table = np.array(image.getpalette()).reshape(-1, 3)
+    used, index = np.unique(np.asarray(image)[0], return_inverse=True)
+    return Look(tuple("#{:02x}{:02x}{:02x}".format(*table[k]) for k in used), index)
+
+
+def _coloured_points(
+    asset: Asset,
+) -> tuple[Float[np.ndarray, "n 3"], UInt8[np.ndarray, "n 3"]]:
+    """Points of even density on all parts, and their colours, sRGB bytes."""
+    rng = np.random.default_rng(0)
+    areas = np.array([part.mesh.area for part in asset.parts])
+    where, colours = [], []
+    for part, fraction in zip(asset.parts, areas / (areas.sum() or 1), strict=True):
+        corners, area = part.mesh.triangles, part.mesh.area_faces
+        if not area.sum() > 0:
+            continue
+        face = rng.choice(len(area), size=int(np.ceil(COLOURED * fraction)), p=area / area.sum())
+        u, v = np.sort(rng.random((2, len(face))), axis=0)
+        weight = np.stack([u, v - u, 1 - v], axis=1).astype(np.float32)
+        where.append(np.einsum("nk,nki->ni", weight, corners[face]))
+        colours.append(skin_of(part.mesh)(face, weight)[:, :3])
+    if not where:
+        return np.zeros((0, 3)), np.zeros((0, 3), np.uint8)
+    bytes_ = (255 * np.concatenate(colours).clip(0, 1) + 0.5).astype(np.uint8)
+    return np.concatenate(where), bytes_
+
+
+def touch_of(scene: Scene) -> TouchBody:
+    """Body of ``scene`` as it is held, without its loads, to be pulled.
+
+    Raises
+    ------
+    UsageError
+        Where it cannot be, and why.
+    """
+    if not scene.held.fixed.any():
+        raise UsageError("nothing holds it: there is nothing to pull at")
+    mesh, down = scene.mesh, -9.81 * up_vector(scene.up)
+    try:
+        model = reduce_body(
+            mesh, scene.held, gravity_vector=down, kind=Subspace.VECTOR, most_cells=MOST_CELLS
+        )
+    except (InputError, ConvergenceError) as error:
+        raise UsageError(f"it has no reduced model: {error}") from error
+    if model.dofs > MOST_DOFS or len(model.cells) > MOST_CELLS:
+        raise UsageError(
+            f"{model.dofs} coordinates and {len(model.cells)} cells are too many for a page"
+        )
+    return shown(model)
+
+
+def shown(model: ReducedModel) -> TouchBody:
+    """Magnification and pace at which a reader sees ``model`` give way and swing."""
+    elasticity = ReducedElasticity(model)
+    surface = model.basis[np.unique(model.faces)]
+    K = elasticity.tangent(np.zeros(model.dofs))
+    soft = np.einsum("nia,ab,njb->nij", surface, np.linalg.inv(K), surface, optimize=True)
+    moved = FINGER * float(np.linalg.eigvalsh(soft)[:, -1].max())
+    diagonal = float(np.linalg.norm(np.ptp(model.points[model.mass > 0], axis=0)))
+    slow = SLOWEST * float(reduced_frequencies(elasticity)[0])
+    return TouchBody(model, _plain(SHOWN * diagonal / moved), _plain(slow), moved)
+
+
+def _plain(value: float) -> float:
+    """Nearest 1, 2 or 5 times a power of ten, at least 1."""
+    steps = np.array([1, 2, 5, 10]) * 10.0 ** np.floor(np.log10(max(value, 1.0)))
+    return float(steps[np.argmin(np.abs(np.log(steps / max(value, 1.0))))])
 
 
 def loaded_mesh(name: str, mesh: TetMesh, sidecar: Sidecar) -> Iterator[Fact]:
