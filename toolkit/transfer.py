@@ -20,8 +20,8 @@ from ..predictors.grid import Grid
 from .asset.document import BodyRecord, Sidecar, check_file, mesh_document
 from .driving import checked_scale
 from .options import ExportOptions, TransferOptions
-from .simulation.matter import rows_of_field
 from .simulation.scenario import stated_grains
+from .simulation.simulate import rows_of_field
 
 if TYPE_CHECKING:
     from ..converters.carriers import Transferred

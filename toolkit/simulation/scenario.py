@@ -7,6 +7,7 @@ from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import fields, replace
+from difflib import get_close_matches
 from math import isnan
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
@@ -17,6 +18,7 @@ from ...fem.errors import ConvergenceError, InputError, UsageError
 from ...fem.grain import Grained, grained_parts, parts_of_grain, with_grains
 from ...fem.identify import MotionFit
 from ...fem.mesh import TetMesh, join_meshes, material_of
+from ...fem.mpm.materials import MaterialClass, Substance, class_of, triaxial_friction
 from ...fem.scene.conditions import (
     KINDS,
     LOADS,
@@ -30,12 +32,14 @@ from ...fem.scene.scene import Scene
 from ...fem.solve.method import METHODS, SCENARIOS, Method, Scenario
 from ...fem.solve.modal import quick_order
 from ...fem.solve.result import Modes, MotionResult
+from ...fem.table import Span, key, load_contents, load_flows, load_strengths, load_table
 from ...predictors.asset import UpAxis
 from ..asset.document import BodyRecord, read_known
 from ..options import EXPECTED, SimulateOptions, with_given
 from ..verdict.simulation import Moving, Ringing, Settled, Simulation
 
 if TYPE_CHECKING:
+    from ...fem.mpm.method import MpmMethod
     from ...fem.reduced.method import ReducedMethod
     from ...fem.springs.method import SpringMethod
 
@@ -45,6 +49,19 @@ RECENT = 3  # frames whose pace is that of what goes on now
 # Methods in which one body meets another.
 MEETING = ("dynamics", "mpm")
 
+# Classes that a part is of by its material, without a word: what flows. Metals are too stiff to
+# yield here, all else springs back.
+FLOWING = (MaterialClass.SAND, MaterialClass.VISPLAS, MaterialClass.FLUID, MaterialClass.SNOW)
+# Whose numbers a class takes where the tables have none of a material.
+LIKE = {"sand": "sand (uniform)"}
+# A jelly that tears, and what a class cannot do without.
+BRITTLE = "brittle"
+WANTED = {
+    "metal": ("yield_stress",),
+    "sand": ("friction",),
+    "visplas": ("yield_stress", "viscosity"),
+    BRITTLE: ("tension", "fracture_energy"),
+}
 Progress = Callable[[str, float], None]  # called with (stage, seconds so far)
 
 
@@ -271,8 +288,6 @@ def chosen_method(
     them; ``announce`` hears what the run will cost.
     """
     if name == "mpm":
-        from .matter import particle_method
-
         return particle_method(options, materials, announce, classes=classes)
     if name == "spring":
         return spring_method(options, announce)
@@ -332,6 +347,137 @@ def spring_method(
 def _check_parameters(options: SimulateOptions) -> None:
     if options.parameters is None and options.parameters_alpha is not None:
         raise UsageError("--parameters-alpha: wanted --parameters of `match --to-stiff` with it")
+
+
+def particle_method(
+    options: SimulateOptions,
+    materials: Mapping[str, str],
+    announce: Callable[[str], None] | None = None,
+    *,
+    classes: Mapping[str, str] | None = None,
+) -> MpmMethod:
+    """The method that the options ask for; ``announce`` hears what it will cost.
+
+    ``materials`` are the rows of the table that parts are of: numbers that are not said are theirs.
+    ``classes`` are those that a predictor found, by part; else a part that flows has its row's.
+    """
+    from ...fem.mpm.method import PRESETS, MpmMethod
+    from ...fem.mpm.rigid import Stiff
+
+    if options.grid < 4:
+        raise UsageError(f"--grid {options.grid}: wanted at least 4 cells along the longest side")
+    if options.preset:
+        # Say which number a preset would leave out in silence
+        for name in ("grid", "stiff", "damping"):
+            if getattr(options, name) != getattr(SimulateOptions, name):
+                raise UsageError(
+                    f"--preset {options.preset} has its own --{name}: leave one of them out"
+                )
+    if not (np.isfinite(options.damping) and options.damping >= 0):
+        raise UsageError(f"--damping {options.damping:g}: wanted a rate >= 0 [1/s]")
+    own = MpmMethod(grid=options.grid, stiff=Stiff(options.stiff), damping=options.damping)
+    said = substances(options.matter, materials)
+    left = {part: row for part, row in materials.items() if part not in said}
+    flowing, notes = flowing_substances(left, classes or {})
+    return replace(
+        PRESETS[options.preset] if options.preset else own,
+        substances=flowing | said,
+        notes=notes,
+        threads=options.threads,
+        announce=announce,
+    )
+
+
+def substances(
+    entries: Sequence[str], materials: Mapping[str, str] | None = None
+) -> dict[str, Substance]:
+    """Matter by name of part, of entries such as 'bread=brittle,tension=5e3,fracture_energy=20'.
+
+    What is not said is taken from the tables of strength and flow, for the row in ``materials``:
+    the middle of its range. ``brittle`` is jelly that tears.
+    """
+    known = {field.name for field in fields(Substance)} - {"kind", "corotated"}
+    names = ", ".join(sorted(known))
+    found = {}
+    for entry in entries:
+        part, equals, said = entry.partition("=")
+        name, *numbers = [word.strip() for word in said.split(",")]
+        if not equals or name.upper() not in (*MaterialClass.__members__, BRITTLE.upper()):
+            classes = ", ".join([*(kind.name.lower() for kind in MaterialClass), BRITTLE])
+            raise UsageError(f"--matter {entry!r}: wanted PART=CLASS[,name=value] of {classes}")
+        values: dict[str, Any] = {}
+        for pair in numbers:
+            number, _, text = pair.partition("=")
+            number = number.strip()
+            if number not in known:
+                near = get_close_matches(number, known, n=1)
+                hint = f"; did you mean {near[0]!r}?" if near else f": known are {names}"
+                raise UsageError(f"--matter {entry!r}: no number {number!r}{hint}")
+            try:
+                values[number] = float(text)
+            except ValueError as error:
+                raise UsageError(f"--matter {entry!r}: {text!r} is no number") from error
+        row = (materials or {}).get(part.strip(), "")
+        values = _from_tables(name, row) | values
+        missing = [number for number in WANTED.get(name, ()) if number not in values]
+        if missing:
+            where = f"the tables know none of {row!r}" if row else "its material is not known"
+            raise UsageError(f"--matter {entry!r}: give {missing[0]}=...: {where}")
+        kind = MaterialClass.JELLY if name == BRITTLE else MaterialClass[name.upper()]
+        values["seed"] = int(values.get("seed", 0))
+        found[part.strip()] = Substance(kind=kind, **values)
+    return found
+
+
+def flowing_substances(
+    materials: Mapping[str, str], classes: Mapping[str, str]
+) -> tuple[dict[str, Substance], tuple[str, ...]]:
+    """Matter by name of the parts that flow, and what to say of it: by ``classes``, else by row."""
+    found: dict[str, Substance] = {}
+    notes: list[str] = []
+    for part, row in materials.items():
+        own = row.removeprefix("like ")
+        name = classes.get(part)
+        if not name:
+            tables = load_table().phrases, load_contents().phrases
+            known = next((rows[key(own)] for rows in tables if key(own) in rows), None)
+            name = (MaterialClass.JELLY if known is None else class_of(known)).name.lower()
+        if MaterialClass[name.upper()] not in FLOWING:
+            continue
+        values: dict[str, Any] = _from_tables(name, LIKE.get(name, own)) | _from_tables(name, own)
+        missing = [number for number in WANTED.get(name, ()) if number not in values]
+        if missing:
+            notes.append(
+                f"{part}: {row} is {name}, but the tables know no {missing[0]} of it: elastic; "
+                f"--matter {part}={name},{missing[0]}=... makes it flow"
+            )
+            continue
+        numbers = "".join(f", {number} {value:.3g}" for number, value in values.items())
+        notes.append(f"{part}: {name} as {row} is{numbers}; --matter {part}=jelly keeps it elastic")
+        found[part] = Substance(kind=MaterialClass[name.upper()], **values)
+    return found, tuple(notes)
+
+
+def _from_tables(name: str, row: str) -> dict[str, float]:
+    """Numbers of a class from the rows of strength and flow: the middle of what is sourced."""
+    flow, strength = load_flows().get(row), load_strengths().get(row)
+    found: dict[str, Span | None] = {}
+    if name == "metal" and strength is not None and strength.kind == "yield":
+        found["yield_stress"] = strength.tension
+    if name == BRITTLE and strength is not None:
+        found["tension"] = strength.tension
+    if flow is not None:
+        if name == BRITTLE:
+            found["fracture_energy"] = flow.fracture
+        if name in ("visplas", "fluid"):
+            found["viscosity"] = flow.viscosity
+        if name == "visplas":
+            found["yield_stress"] = flow.yield_stress
+    values = {number: (span.min + span.max) / 2 for number, span in found.items() if span}
+    if name == "sand" and flow is not None and flow.friction is not None:
+        angle = np.deg2rad((flow.friction.min + flow.friction.max) / 2)
+        values["friction"] = triaxial_friction(angle)
+    return values
 
 
 class Moduli(NamedTuple):

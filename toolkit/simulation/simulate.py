@@ -2,21 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import replace
+import json
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from dataclasses import asdict, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
-from ...fem.errors import InputError, UsageError
+import numpy as np
+
+from ...converters.registry import POINT_FORMATS
+from ...fem.errors import ConvergenceError, InputError, UsageError
 from ...fem.mesh import TetMesh
+from ...fem.mpm.time_step import MpmError
 from ...fem.solve.method import SCENARIOS
 from ...predictors.asset import UpAxis
+from ...predictors.field import MaterialField
 from ..asset.document import BodyRecord, check_file, check_folder, read_known
 from ..driving import checked_scale
 from ..driving import drive as move_carrier
 from ..options import SimulateOptions, command_line
 from ..verdict.simulation import Simulation
-from .matter import cells_wanted, logged, voxel_body
 from .scenario import changed_options, run_scenario
 
 
@@ -56,7 +62,7 @@ def simulate(
     body = None
     if not isinstance(mesh, TetMesh):
         scale = 1.0 if drive_scale is None else drive_scale
-        body = voxel_body(source, cells=cells_wanted(options), scale=scale)
+        body = _voxel_body(source, cells=_cells(options), scale=scale)
     if body is not None:
         if options.solver != "mpm" and SCENARIOS[options.scenario].method != "mpm":
             raise UsageError(
@@ -97,7 +103,7 @@ def simulate(
     elif body is not None and not record.materials:
         record = replace(record, materials=body.materials)
     known = {"up": sidecar.up, "materials": record.materials, "classes": record.classes}
-    with logged(output):
+    with _logged(output):
         result = run_scenario(mesh, options, **known, progress=progress)
     if body is not None:
         warnings = (*result.scene.warnings, *body.notes)
@@ -131,3 +137,93 @@ def simulate(
 
         files.append(write_picture(picture, result, up=sidecar.up))
     return replace(result, files=tuple(files))
+
+
+class VoxelBody(NamedTuple):
+    """Tets of voxels, how they came about, and the splats or points that can follow, if any.
+
+    ``materials`` are the rows of the table by part, where a field has them.
+    """
+
+    mesh: TetMesh
+    notes: tuple[str, ...]
+    carrier: Path | None
+    materials: dict[str, str]
+
+
+def _voxel_body(path: Path, *, cells: int, scale: float = 1.0) -> VoxelBody | None:
+    """Body of a field (.npz), or of splats or points with E, nu, rho; None for other files.
+
+    Splats and points are filled on a grid of ``cells`` along their longest side; their unit is
+    ``scale`` metres.
+    """
+    from ...converters import files as npz
+    from ...converters.points.table import read_points
+    from ...converters.transfer import field_from_points, tets_of_field
+
+    suffix = path.suffix.lower()
+    if suffix == ".npz" and path.is_file() and "meta" in npz.load_npz(path):
+        found = npz.load(path)
+        is_field = isinstance(found, MaterialField)
+        return VoxelBody(tets_of_field(found), (), None, rows_of_field(found)) if is_field else None
+    if suffix not in POINT_FORMATS or not path.is_file():
+        return None
+    table = read_points(path)
+    if not all(name in table.columns for name in ("E", "nu", "rho")):
+        return None
+    places = {name: scale * np.asarray(table.columns[name], dtype=np.float64) for name in "xyz"}
+    names: tuple[str, ...] = ()
+    for comment in reversed(table.comments):  # the first in which `transfer` names the parts
+        with suppress(ValueError):
+            remark = json.loads(comment)
+            if isinstance(remark, dict) and "part" in remark:
+                names = tuple(map(str, remark["part"]))
+    field = field_from_points(table.with_columns(places), cells=cells, part_names=names)
+    from scipy.ndimage import binary_erosion
+
+    solid = np.asarray(field.occupied)
+    outer = 1 - binary_erosion(solid).sum() / solid.sum()
+    return VoxelBody(
+        tets_of_field(field),
+        (
+            f"filled: {solid.sum():,} voxels of {field.grid.h:.3g} m; the {outer:.0%} at the "
+            "surface are taken as full: mass and thickness may be half of that too large",
+        ),
+        path,
+        {},
+    )
+
+
+def _cells(options: SimulateOptions) -> int:
+    """Cells along the longest side, by the preset or as said."""
+    if not options.preset:
+        return options.grid
+    from ...fem.mpm.method import PRESETS
+
+    return PRESETS[options.preset].grid
+
+
+def rows_of_field(field: MaterialField) -> dict[str, str]:
+    """The material that most cells of a part are of, by name of part."""
+    if field.part is None or field.material is None:
+        return {}
+    rows = {}
+    for part in np.unique(field.part[field.occupied]):
+        own = field.material[field.occupied & (field.part == part)]
+        rows[field.part_names[part]] = field.material_names[np.bincount(own).argmax()]
+    return rows
+
+
+@contextmanager
+def _logged(output: Path | None) -> Iterator[None]:
+    """Where a run of particles fails, write what is known of it beside ``output``, as JSON."""
+    try:
+        yield
+    except MpmError as error:
+        if output is None:
+            raise
+        log = output.with_suffix(".log")
+        log.parent.mkdir(parents=True, exist_ok=True)
+        known = {"plan": error.plan, "notes": error.notes, "failure": asdict(error.failure)}
+        log.write_text(json.dumps(known, indent=1) + "\n", encoding="utf-8")
+        raise ConvergenceError(f"{error}; log: {log}") from error
