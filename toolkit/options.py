@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shlex
 import tomllib
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
@@ -392,10 +393,8 @@ def _cache_folder(name: str) -> Path:
     return platformdirs.user_cache_path("autophyx-tet") / name
 
 
-# Options outside the command line: a TOML file and the cells of a manifest, as arguments.
-#
-# Both become ordinary arguments, so that there is one parser and one set of messages. What stands
-# in the file comes first: the command line has the last word.
+# A TOML file and the cells of a manifest become ordinary arguments, so that there is one parser and
+# one set of messages. They stand first: the command line has the last word.
 
 Options = TypeVar("Options")  # a dataclass of options
 # What belongs to one call, not to a configuration.
@@ -514,19 +513,19 @@ def with_config(command: list[str], known: Collection[str]) -> list[str]:
 
 def config_text(command: Any) -> str:
     """The options of a command as TOML; one that has no value yet is a comment."""
-    return "\n".join(_lines(command)) + "\n"
 
+    def lines(options: Any) -> Iterator[str]:
+        for item in fields(options):
+            value = getattr(options, item.name)
+            if item.name in _OF_THE_CALL:
+                continue
+            if is_dataclass(value):
+                yield from ("", f"# {type(value).__name__}", *lines(value))
+            elif "Positional" not in str(item.type):
+                name = _SHORT.get(item.name, item.name)
+                yield f"# {name} =" if value is None else f"{name} = {_toml(value)}"
 
-def _lines(options: Any) -> Iterator[str]:
-    for item in fields(options):
-        value = getattr(options, item.name)
-        if item.name in _OF_THE_CALL:
-            continue
-        if is_dataclass(value):
-            yield from ("", f"# {type(value).__name__}", *_lines(value))
-        elif "Positional" not in str(item.type):
-            name = _SHORT.get(item.name, item.name)
-            yield f"# {name} =" if value is None else f"{name} = {_toml(value)}"
+    return "\n".join(lines(command)) + "\n"
 
 
 def _toml(value: Any) -> str:
@@ -536,11 +535,5 @@ def _toml(value: Any) -> str:
         return repr(value)
     if isinstance(value, list | tuple):
         return f"[{', '.join(map(_toml, value))}]"
-    escaped = "".join(_escape(letter) for letter in str(value))
-    return f'"{escaped}"'
-
-
-def _escape(letter: str) -> str:
-    if letter in '"\\':
-        return "\\" + letter
-    return letter if ord(letter) >= 32 and ord(letter) != 127 else f"\\u{ord(letter):04x}"
+    # control characters and quotes as JSON has them; all else as it is written
+    return json.dumps(str(value), ensure_ascii=False).replace("\x7f", "\\u007f")

@@ -185,9 +185,6 @@ class Stopwatch:
         return time.perf_counter(), sum(os.times()[:4])
 
 
-# What `convert` returns: a tet mesh and the report that proves its guarantees.
-
-
 @dataclass(frozen=True, eq=False)
 class Conversion:
     """A tet mesh [m] of an asset and the report that proves its guarantees."""
