@@ -109,8 +109,8 @@ class Simulation(ABC):
 
     @property
     def frequencies(self) -> tuple[float, ...]:
-        """First natural frequencies [Hz], where they are known."""
-        return ()
+        """First natural frequencies [Hz], the slowest first, where they are known."""
+        return () if self.vibrations is None else tuple(self.vibrations.frequencies.tolist())
 
     @property
     def vibrations(self) -> Modes | None:
@@ -260,11 +260,6 @@ class Settled(Simulation):
     def vibrations(self) -> Modes | None:
         """Natural vibrations of the body as it stands."""
         return self.modes
-
-    @property
-    def frequencies(self) -> tuple[float, ...]:
-        """First natural frequencies [Hz] of the body as it stands."""
-        return () if self.modes is None else tuple(self.modes.frequencies.tolist())
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -457,11 +452,6 @@ class Ringing(Simulation):
     def vibrations(self) -> Modes | None:
         """Natural vibrations of the body as it stands."""
         return self.modes
-
-    @property
-    def frequencies(self) -> tuple[float, ...]:
-        """Natural frequencies [Hz], the slowest first."""
-        return tuple(self.modes.frequencies.tolist())
 
     def checks(self) -> Sequence[Check]:
         """Rings or wobbles; within which range."""

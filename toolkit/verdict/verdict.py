@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from html import escape
-from typing import TYPE_CHECKING, Any, Literal, Protocol
+from typing import TYPE_CHECKING, Any, Literal, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -106,6 +106,7 @@ def with_doubts(found: Sequence[Verdict], differences: Sequence[str]) -> list[Ve
 _COLUMNS = ("part", "material", "E", "nu", "kg/m³", "mass", "because")
 
 
+@runtime_checkable
 class Told(Protocol):
     """What has a document."""
 
