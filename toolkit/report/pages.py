@@ -120,12 +120,13 @@ def simulation_page(
     ``command`` makes it again. With ``touch`` there is a body to pull, where it can be.
     """
     mesh, chosen = simulation.mesh, sidecar.record.get("assign", {})
+    tets = _quality(mesh, quality(mesh))
     before = (w for stage in sidecar.record.values() for w in stage.get("warnings", ()))
     return ReportContent(
         title=sidecar.source.get("name") or name,
         cases=(_case(chosen.get("text", ""), simulation, chosen, touch=touch),),
         up=sidecar.up,
-        quality=_quality(mesh, quality(mesh)),
+        quality=tets,
         warnings=tuple(dict.fromkeys((*before, *simulation.warnings))),
         provenance={
             **{key: value for key, value in sidecar.source.items() if value},
