@@ -177,12 +177,12 @@ def _verdicts(document: Mapping[str, Any]) -> list[Verdict]:
 _PREFIXES = {9: "G", 6: "M", 3: "k", 0: "", -3: "m", -6: "µ", -9: "n"}
 
 
-def si(value: float, unit: str, *, digits: int = 3) -> str:
+def si(value: float, unit: str) -> str:
     """Value with an SI prefix: ``si(1.2e9, "Pa") gives 1.20 GPa``."""
     power = 0
     if value != 0 and np.isfinite(value):
         power = int(np.clip(3 * np.floor(np.log10(abs(value) * (1 + 1e-9)) / 3), -9, 9))
-    return f"{rounded(value / 10**power, digits)}\u00a0{_PREFIXES[power]}{unit}"
+    return f"{rounded(value / 10**power, 3)}\u00a0{_PREFIXES[power]}{unit}"
 
 
 def si_span(lo: float, hi: float, unit: str) -> str:
