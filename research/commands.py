@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
 import tyro
 
-from ..toolkit.cli.terminal import progress
+from ..toolkit.cli import terminal
 from ..toolkit.options import Common, FeatureOptions, Flat, Output
 
 
@@ -46,6 +47,12 @@ class DatasetCommand:
     """Seed of everything random."""
     common: Flat[Common] = field(default_factory=Common)
 
+    @property
+    def shown(self) -> Callable[[terminal.Document], terminal.Shown]:
+        """What a terminal shows of the document."""
+        shown = {"build": terminal.dataset, "show": terminal.samples, "audit": terminal.audit}
+        return shown.get(self.action, terminal.nothing)
+
     def __call__(self) -> dict[str, Any]:
         """Run the command and return its document."""
         from .prepare import build_dataset, build_ranges, show_dataset
@@ -70,7 +77,7 @@ class DatasetCommand:
     def _audit(self) -> dict[str, Any]:
         from .prepare import audit_ranges
 
-        with progress(quiet=self.common.quiet) as tell:
+        with terminal.progress(quiet=self.common.quiet) as tell:
             return audit_ranges(
                 self.output,
                 objects=self.objects,
@@ -101,6 +108,8 @@ class TrainCommand:
     start: Path | None = None
     """Weights to begin with."""
     common: Flat[Common] = field(default_factory=Common)
+
+    shown = staticmethod(terminal.training)
 
     def __call__(self) -> dict[str, Any]:
         """Run the command and return its document."""
@@ -151,12 +160,14 @@ class EvaluateCommand:
     """Look again and remember nothing."""
     common: Flat[Common] = field(default_factory=Common)
 
+    shown = staticmethod(terminal.evaluation)
+
     def __call__(self) -> dict[str, Any]:
         """Run the command and return its document."""
         from .learning import evaluate, evaluate_table
 
         if self.table:
-            with progress(quiet=self.common.quiet) as tell:
+            with terminal.progress(quiet=self.common.quiet) as tell:
                 return evaluate_table(
                     self.table,
                     data=self.data or Path("data"),
@@ -167,7 +178,7 @@ class EvaluateCommand:
                     progress=tell,
                 )
         folder = FeatureOptions(cache=self.cache, no_cache=self.no_cache).memory
-        with progress(quiet=self.common.quiet) as tell:
+        with terminal.progress(quiet=self.common.quiet) as tell:
             return evaluate(
                 self.split,
                 predictors=self.predictors,

@@ -1,6 +1,9 @@
 """Many assets: every row of a manifest in a process of its own, on this machine or on a cluster.
 
-Resumable: rows that have their result are not run again, rows that were cut off leave nothing.
+Resumable: rows that have their result are not run again, rows that were cut off leave nothing. The
+process of a row dies with whoever started it; a result appears under its name by one rename, or
+not at all. The same function, ``perform``, works for a thread of this machine and for a worker of
+a cluster.
 """
 
 from __future__ import annotations
@@ -28,21 +31,22 @@ from dataclasses import asdict, dataclass, fields
 from difflib import get_close_matches
 from functools import partial
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 from urllib.parse import quote
 
 from ..converters.files import writing
 from ..fem.errors import BandError, ConvergenceError, InputError, NoVolumeError, UsageError
 from .asset.document import BATCH, SCHEMA, check_document, check_folder, versions, write_json
 from .asset.guard import guarded
-from .options import AssignOptions, ConvertOptions, SimulateOptions, arguments, read_config
-from .report.html import render
-from .walls import WallOptions
-
-# One row of a batch, in a process of its own: tried, limited, and its folder moved in whole.
-#
-# The same function works for a thread of this machine and for a worker of a cluster. The process
-# dies with whoever started it; a result appears under its name by one rename, or not at all.
+from .options import (
+    AssignOptions,
+    BatchOptions,
+    ConvertOptions,
+    SimulateOptions,
+    WallOptions,
+    arguments,
+    read_config,
+)
 
 HOME = ".batch"  # inside the output folder: lock, work in progress, records of failures
 RECORD = "batch.json"  # inside a result: what was asked, and what it took
@@ -52,9 +56,24 @@ COMMAND_LINE = "autophyx_tet.toolkit.cli"
 POLL = 0.1  # s between two looks at a process that takes seconds
 TIMED_OUT = 124  # what timeout(1) returns
 BY_SIGNAL = 128  # what shells add to the number of the signal
+CRASHED = BY_SIGNAL + signal.SIGKILL  # a worker of a cluster that was lost
+RAY_RETRIES = 2  # times that a cluster gives a row to another worker when one is lost
 # Failures that the same asset and options meet on every machine: a restart keeps them.
 FINAL = {kind.exit_code for kind in (UsageError, NoVolumeError, BandError, ConvergenceError)}
 THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+# Options of `run`, which a manifest may have as columns, and their types.
+OPTIONS = {
+    item.name: str(item.type)
+    for options in (ConvertOptions, WallOptions, AssignOptions, SimulateOptions)
+    for item in fields(options)
+}
+COLUMNS = ("id", "asset", "text", *OPTIONS)
+ID = re.compile(r"[\w][\w.+@ -]{0,99}")  # a folder's name on every system, and never hidden
+PICTURE_WIDTH, PICTURE_QUALITY = 480, 60  # pixels; about 8 kB a picture, 8 MB a thousand
+TABLE_COLUMNS: tuple[str, ...] = (
+    "id", "asset", "text", "status", "code", "reason", "attempts", "seconds", "tets", "volume",
+    "mass", "materials", "warnings", "folder",
+)  # fmt: skip
 
 
 class Job(NamedTuple):
@@ -84,6 +103,11 @@ class Limits:
     memory: int
     threads: int
 
+    @classmethod
+    def of(cls, options: BatchOptions, *, threads: int) -> Limits:
+        """Limits as options state them, memory in GB."""
+        return cls(options.time_limit, int(options.memory_limit * 1e9), threads)
+
 
 @dataclass(frozen=True)
 class Outcome:
@@ -97,145 +121,30 @@ class Outcome:
     fingerprint: str
 
 
-class Stopped(Exception):
-    """The batch is ending: the row is neither done nor failed."""
+@dataclass(frozen=True, eq=False)
+class BatchResult:
+    """The rows of a manifest and how each ended; ``new`` of them were run this time."""
 
+    jobs: tuple[Job, ...]
+    ended: Mapping[str, Outcome]
+    new: int = 0
+    rows: tuple[dict[str, Any], ...] = ()
+    files: tuple[Path, ...] = ()
 
-def perform(
-    job: Job, output: str, limits: Limits, *, stopped: Callable[[], bool] = lambda: False
-) -> Outcome:
-    """Run one row and leave ``output/ID`` or the record of its failure.
-
-    Raises
-    ------
-    Stopped
-        Where ``stopped()`` became true on the way; nothing is left then.
-    """
-    if (past := stored(job, Path(output))) is not None:  # by a worker that was lost afterwards
-        return past
-    started, code, attempt, reason = time.monotonic(), BY_SIGNAL + 1, 0, ""
-    while code > BY_SIGNAL and attempt < ATTEMPTS:
-        attempt += 1
-        code, reason = _try(job, Path(output), limits, stopped, attempt=attempt)
-    seconds = time.monotonic() - started
-    ended = Outcome(job.id, code, reason, attempt, seconds, job.fingerprint())
-    _note(ended, Path(output))
-    return ended
-
-
-def stored(job: Job, output: Path) -> Outcome | None:
-    """The end that this very row had before, unless it is worth another try."""
-    done = _read(output / job.id / RECORD) if (output / job.id / "run.json").exists() else None
-    ended = done or _read(_failure(job.id, output))
-    if ended is None or ended.fingerprint != job.fingerprint():
-        return None
-    return ended if ended.code == 0 or ended.code in FINAL else None
-
-
-def _try(
-    job: Job, output: Path, limits: Limits, stopped: Callable[[], bool], *, attempt: int
-) -> tuple[int, str]:
-    """Run the row once beside the results and move its folder in; exit code and reason."""
-    started = time.monotonic()
-    try:
-        with tempfile.TemporaryDirectory(dir=_made(output / HOME / "work")) as work:
-            code, reason = _process(job, Path(work), limits, stopped)
-            if code == 0:
-                seconds = time.monotonic() - started
-                done = Outcome(job.id, code, reason, attempt, seconds, job.fingerprint())
-                write_json(Path(work, job.id, RECORD), asdict(done))
-                made = Path(work, job.id)
-                target = output / job.id
-                if target.exists():
-                    target.rename(made.with_name(".replaced"))
-                made.rename(target)
-    except (OSError, InputError) as error:
-        return InputError.exit_code, f"cannot keep the result: {error}"
-    return code, reason
-
-
-def _process(job: Job, work: Path, limits: Limits, stopped: Callable[[], bool]) -> tuple[int, str]:
-    """Run the command line in ``work``; return its exit code and its last words."""
-    call = ("run", job.path, f"--text={job.text}", f"--output={job.id}", "--quiet")
-    log = work / "log.txt"
-    with log.open("wb") as words:
-        child = subprocess.Popen(
-            guarded(COMMAND_LINE, *call, *job.arguments, memory=limits.memory),
-            cwd=work,
-            env=os.environ | dict.fromkeys(THREAD_VARIABLES, str(limits.threads)),
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.DEVNULL,
-            stderr=words,
-            start_new_session=True,
-        )
-    try:
-        if not _wait(child, limits.seconds, stopped):
-            return TIMED_OUT, f"no result within {limits.seconds:g} s"
-    finally:
-        if child.poll() is None:
-            child.kill()
-        child.wait()
-    if child.returncode < 0:
-        return BY_SIGNAL - child.returncode, f"killed by {signal.Signals(-child.returncode).name}"
-    return child.returncode, "" if child.returncode == 0 else _last_words(log)
-
-
-def _wait(child: subprocess.Popen[bytes], seconds: float, stopped: Callable[[], bool]) -> bool:
-    """Whether the process ended within its time."""
-    deadline = time.monotonic() + seconds
-    while child.poll() is None:
-        if stopped():
-            raise Stopped
-        if time.monotonic() > deadline:
-            return False
-        time.sleep(POLL)
-    return True
-
-
-def _last_words(log: Path) -> str:
-    """The line of the error, without the program's name; or the box of a refused option."""
-    lines = log.read_text(errors="replace").splitlines()
-    for line in reversed(lines):
-        if line.startswith("autophyx-tet: "):
-            return line.removeprefix("autophyx-tet: ")
-    words = " ".join(line.strip("╭╮╰╯│─ ") for line in lines)
-    return " ".join(words.split()).partition(" Argument helptext")[0][:500] or "it said nothing"
-
-
-def _note(ended: Outcome, output: Path) -> None:
-    """Write down a failure, or forget one that has been overcome."""
-    path = _failure(ended.id, output)
-    if ended.code == 0:
-        path.unlink(missing_ok=True)
-        return
-    try:
-        write_json(_made(path.parent) / path.name, asdict(ended))
-    except (OSError, InputError):  # a full disk: the row has no record, a restart does it again
-        path.unlink(missing_ok=True)
-
-
-def _failure(name: str, output: Path) -> Path:
-    return output / HOME / "failed" / f"{name}.json"
-
-
-def _made(folder: Path) -> Path:
-    folder.mkdir(parents=True, exist_ok=True)
-    return folder
-
-
-def _read(path: Path) -> Outcome | None:
-    """A record, if it is one."""
-    try:
-        return Outcome(**json.loads(path.read_text(encoding="utf-8")))
-    except (OSError, ValueError, TypeError):  # none, or not ours: the row is done again
-        return None
-
-
-GIGABYTE = 1e9
-CRASHED = 137  # what a shell returns for a process that was killed
-RAY_RETRIES = 2  # times that a cluster gives a row to another worker when one is lost
-
-RowProgress = Callable[[Outcome, int, int], None]
+    def document(self) -> dict[str, Any]:
+        """Return what ``batch --json`` prints, and results.json holds."""
+        failed = [row for row in self.rows if row["code"]]
+        return {
+            "files": self.files,
+            "assets": len(self.jobs),
+            "done": len(self.rows) - len(failed),
+            "failed": len(failed),
+            "new": self.new,
+            "codes": Counter(str(row["code"]) for row in self.rows),
+            "rows": self.rows,
+            "versions": versions(),
+            "warnings": [f"{row['id']}: exit {row['code']}: {row['reason']}" for row in failed],
+        }
 
 
 def batch(
@@ -244,7 +153,7 @@ def batch(
     output: str | Path,
     options: BatchOptions | None = None,
     run_config: str | Path | None = None,
-    progress: RowProgress | None = None,
+    progress: Callable[[Outcome, int, int], None] | None = None,
 ) -> BatchResult:
     """Run every row of a manifest and write results.csv, results.json and index.html.
 
@@ -279,19 +188,7 @@ def batch(
     jobs = read_manifest(Path(manifest), common=common)
     output = Path(output).resolve()
     check_folder(output)
-    _check_theirs(jobs, output)
-    with _alone(output):
-        ended = {job.id: past for job in jobs if (past := stored(job, output))}
-        todo = [job for job in jobs if job.id not in ended]
-        for outcome in ENGINES[options.engine](todo, output, options):
-            ended[outcome.id] = outcome
-            if progress is not None:
-                progress(outcome, len(ended), len(jobs))
-        return write_tables(output, BatchResult(tuple(jobs), ended, new=len(todo)))
-
-
-def _check_theirs(jobs: Sequence[Job], output: Path) -> None:
-    """Refuse to replace a folder or a document that no batch has made."""
+    # Refuse to replace a folder or a document that no batch has made
     check_document(output / "results.json", BATCH)
     for job in jobs:
         folder = output / job.id
@@ -300,80 +197,24 @@ def _check_theirs(jobs: Sequence[Job], output: Path) -> None:
                 f"{folder} is not the result of a batch and would be replaced: move it away, give "
                 "the row another id, or give another -o"
             )
-
-
-def _local(jobs: Sequence[Job], output: Path, options: BatchOptions) -> Iterator[Outcome]:
-    """Every worker is a thread that waits for one process after the other."""
-    workers, stop = options.workers or _cores(), threading.Event()
-    limits = _limits(options, threads=max(1, _cores() // workers))
-    act = partial(perform, output=str(output), limits=limits, stopped=stop.is_set)
-    with ThreadPoolExecutor(workers) as pool:
-        waiting = [pool.submit(act, job) for job in jobs]
-        try:
-            for done in as_completed(waiting):
-                yield done.result()
-        except Stopped:
-            raise KeyboardInterrupt from None
-        finally:  # also on Ctrl-C: the threads end their processes and come back
-            stop.set()
-            pool.shutdown(cancel_futures=True)
-
-
-def _ray(jobs: Sequence[Job], output: Path, options: BatchOptions) -> Iterator[Outcome]:
-    """Every row is a task of a Ray cluster; all its machines see ``output`` under one path."""
-    with redirect_stdout(sys.stderr):  # Ray tells of lost workers there; ours is the document's
-        # Ray, connected to the cluster that was named, or to one started on this machine
-        os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
-        try:
-            import ray  # pyright: ignore[reportMissingImports]  (the extra `batch`)
-            import ray.exceptions  # pyright: ignore[reportMissingImports]
-        except ImportError as error:
-            raise InputError(
-                "--engine ray needs the extra: pip install autophyx-tet[batch]"
-            ) from error
-        try:
-            if options.address:
-                ray.init(address=options.address, log_to_driver=False)
-            else:
-                ray.init(
-                    "local", num_cpus=options.workers, include_dashboard=False, log_to_driver=False
-                )
-        except (ConnectionError, RuntimeError, ValueError) as error:
-            raise InputError(
-                f"no Ray cluster at {options.address or 'this machine'}: {error}"
-            ) from error
-        yield from _ray_tasks(ray, jobs, output, options)
-
-
-def _ray_tasks(
-    ray: Any, jobs: Sequence[Job], output: Path, options: BatchOptions
-) -> Iterator[Outcome]:
-    """A worker that is lost is replaced; a row that loses too many is named with it."""
-    try:
-        task = ray.remote(num_cpus=1, max_retries=RAY_RETRIES)(perform)
-        limits = _limits(options, threads=1)
-        waiting = {task.remote(job, str(output), limits): job for job in jobs}
-        while waiting:
-            (done, *_), _ = ray.wait(list(waiting))
-            job = waiting.pop(done)
-            try:
-                yield ray.get(done)
-            except ray.exceptions.RayError as error:
-                reason = " ".join(f"the worker was lost: {error}".split())[:300]
-                yield Outcome(job.id, CRASHED, reason, RAY_RETRIES + 1, 0.0, "")
-    finally:
-        ray.shutdown()
-
-
-ENGINES = {"local": _local, "ray": _ray}
-
-
-def _limits(options: BatchOptions, *, threads: int) -> Limits:
-    return Limits(options.time_limit, int(options.memory_limit * GIGABYTE), threads)
-
-
-def _cores() -> int:
-    return len(os.sched_getaffinity(0))
+    with _alone(output):
+        ended = {job.id: past for job in jobs if (past := stored(job, output))}
+        todo = [job for job in jobs if job.id not in ended]
+        for outcome in (_ray if options.engine == "ray" else _local)(todo, output, options):
+            ended[outcome.id] = outcome
+            if progress is not None:
+                progress(outcome, len(ended), len(jobs))
+        rows = tuple(_row(job, ended[job.id], output) for job in jobs)
+        files = tuple(output / name for name in ("results.csv", "index.html", "results.json"))
+        result = BatchResult(tuple(jobs), ended, len(todo), rows, files)
+        with writing(files[0]) as path, path.open("w", newline="", encoding="utf-8") as lines:
+            table = csv.DictWriter(lines, TABLE_COLUMNS)
+            table.writeheader()
+            table.writerows(rows)
+        with writing(files[1]) as path:
+            path.write_text(index_page(rows, output), encoding="utf-8", newline="\n")
+        write_json(files[2], {"schema": SCHEMA, **result.document()})
+    return result
 
 
 @contextmanager
@@ -393,26 +234,14 @@ def _alone(output: Path) -> Iterator[None]:
         yield
 
 
-# The manifest of a batch: a CSV file with an asset and a sentence a row.
-#
-# Columns: ``asset`` (a path, relative to the manifest) and ``text``; then, as wanted, ``id`` (name
-# of the result's folder, by default the asset's stem, numbered where it comes again) and every
-# option of ``run``: ``size``, ``units``, ``up``, ``scenario``, ``edge_length_rel`` ... An empty
-# cell is the default; the items of an option that may be repeated (``part``, ``material``) stand
-# between ``;``.
-
-OPTIONS = {
-    item.name: str(item.type)
-    for options in (ConvertOptions, WallOptions, AssignOptions, SimulateOptions)
-    for item in fields(options)
-}
-COLUMNS = ("id", "asset", "text", *OPTIONS)
-ID = re.compile(r"[\w][\w.+@ -]{0,99}")  # a folder's name on every system, and never hidden
-YES, NO = ("true", "yes", "1"), ("false", "no", "0")
-
-
 def read_manifest(path: Path, *, common: Sequence[str] = ()) -> list[Job]:
     """Rows of a manifest, or the assets of a folder; ``common`` are arguments of ``run`` for all.
+
+    Columns: ``asset`` (a path, relative to the manifest) and ``text``; then, as wanted, ``id``
+    (name of the result's folder, by default the asset's stem, numbered where it comes again) and
+    every option of ``run``: ``size``, ``units``, ``up``, ``scenario``, ``edge_length_rel`` ... An
+    empty cell is the default; the items of an option that may be repeated (``part``, ``material``)
+    stand between ``;``.
 
     Raises
     ------
@@ -458,132 +287,199 @@ def _jobs(path: Path, rows: list[dict[str, str]], common: list[str]) -> Iterator
             what = "more cells than columns" if None in row else "no asset"
             raise InputError(f"the manifest {path}, row {line}: {what}")
         asset = row["asset"].strip()
-        name = (row.get("id") or "").strip() or _name(asset, taken | given)
+        name = (row.get("id") or "").strip()
+        if not name:  # the asset's stem, numbered until it is free
+            stem = re.sub(r"[^\w.+@ -]", "_", Path(asset).stem).lstrip(".+@ -")[:90] or "asset"
+            names = (stem, *(f"{stem}-{i}" for i in range(2, len(taken | given) + 2)))
+            name = next(name for name in names if name not in taken | given)
         if name in given or not ID.fullmatch(name):
             why = "comes twice" if name in given else "is no name of a folder"
             raise UsageError(f"the manifest {path}, row {line}: the id {name!r} {why}")
         given.add(name)
-        options = {_option(k): v.strip() for k, v in row.items() if v and _option(k) in OPTIONS}
-        yield Job(
-            name,
-            asset,
-            (row.get("text") or "").strip(),
-            str((path.parent / asset).resolve()),
-            (*common, *arguments(_values(options))),
-        )
-
-
-def _name(asset: str, taken: set[str]) -> str:
-    """The asset's stem, numbered until it is free."""
-    stem = re.sub(r"[^\w.+@ -]", "_", Path(asset).stem).lstrip(".+@ -")[:90] or "asset"
-    names = (stem if i == 1 else f"{stem}-{i}" for i in range(1, len(taken) + 2))
-    return next(name for name in names if name not in taken)
-
-
-def _values(options: Mapping[str, str]) -> dict[str, str | bool | list[str]]:
-    """Cells as values: flags and repeated options are told by the option's type."""
-    found: dict[str, str | bool | list[str]] = {}
-    for name, cell in options.items():
-        if "bool" in OPTIONS[name] and cell.lower() in YES + NO:
-            found[name] = cell.lower() in YES
-        elif "tuple" in OPTIONS[name]:
-            found[name] = [item.strip() for item in cell.split(";") if item.strip()]
-        else:
-            found[name] = cell
-    return found
+        options: dict[str, str | bool | list[str]] = {}
+        for column, cell in row.items():
+            option, cell = _option(column), (cell or "").strip()
+            if not cell or option not in OPTIONS:
+                continue
+            if "bool" in OPTIONS[option] and cell.lower() in ("true", "yes", "1"):
+                options[option] = True
+            elif "bool" in OPTIONS[option] and cell.lower() in ("false", "no", "0"):
+                options[option] = False
+            elif "tuple" in OPTIONS[option]:
+                options[option] = [item.strip() for item in cell.split(";") if item.strip()]
+            else:
+                options[option] = cell
+        text, place = (row.get("text") or "").strip(), str((path.parent / asset).resolve())
+        yield Job(name, asset, text, place, (*common, *arguments(options)))
 
 
 def _option(column: str) -> str:
     return column.strip().replace("-", "_")
 
 
-# Options of a batch: who does its rows, and what each may use.
+def _local(jobs: Sequence[Job], output: Path, options: BatchOptions) -> Iterator[Outcome]:
+    """Every worker is a thread that waits for one process after the other."""
+    cores, stop = len(os.sched_getaffinity(0)), threading.Event()
+    workers = options.workers or cores
+    limits = Limits.of(options, threads=max(1, cores // workers))
+    act = partial(perform, output=str(output), limits=limits, stopped=stop.is_set)
+    with ThreadPoolExecutor(workers) as pool:
+        waiting = [pool.submit(act, job) for job in jobs]
+        try:
+            for done in as_completed(waiting):
+                yield done.result()
+        except Stopped:
+            raise KeyboardInterrupt from None
+        finally:  # also on Ctrl-C: the threads end their processes and come back
+            stop.set()
+            pool.shutdown(cancel_futures=True)
 
 
-@dataclass(frozen=True)
-class BatchOptions:
-    """Who does the rows of a batch, and what each row may use."""
+def _ray(jobs: Sequence[Job], output: Path, options: BatchOptions) -> Iterator[Outcome]:
+    """Every row is a task of a Ray cluster; all its machines see ``output`` under one path.
 
-    engine: Literal["local", "ray"] = "local"
-    """Processes of this machine, or a Ray cluster (the extra `batch`)."""
-    address: str | None = None
-    """Address of a running Ray cluster; by default one is started here."""
-    workers: int | None = None
-    """Assets at a time; by default as many as there are cores."""
-    time_limit: float = 1800.0
-    """Seconds that one asset may take."""
-    memory_limit: float = 8.0
-    """Address space [GB] of each process of an asset; 2 is enough for small ones."""
-
-    def checked(self) -> BatchOptions:
-        """Return itself, or say what is out of range."""
-        if self.workers is not None and self.workers < 1:
-            raise UsageError(f"--workers must be at least 1, got {self.workers}")
-        for name in ("time_limit", "memory_limit"):
-            if not getattr(self, name) > 0:
-                flag = name.replace("_", "-")
-                raise UsageError(f"--{flag} must be > 0, got {getattr(self, name):g}")
-        if self.address and self.engine != "ray":
-            raise UsageError("--address names a Ray cluster: say --engine ray too")
-        return self
-
-
-# What a batch leaves beside the results: one table as CSV and JSON, and one page to look at.
-
-PICTURE_WIDTH, PICTURE_QUALITY = 480, 60  # pixels; about 8 kB a picture, 8 MB a thousand
-TABLE_COLUMNS: tuple[str, ...] = (
-    "id", "asset", "text", "status", "code", "reason", "attempts", "seconds", "tets", "volume",
-    "mass", "materials", "warnings", "folder",
-)  # fmt: skip
-
-
-@dataclass(frozen=True, eq=False)
-class BatchResult:
-    """The rows of a manifest and how each ended; ``new`` of them were run this time."""
-
-    jobs: tuple[Job, ...]
-    ended: Mapping[str, Outcome]
-    new: int = 0
-    rows: tuple[dict[str, Any], ...] = ()
-    files: tuple[Path, ...] = ()
-
-    def document(self) -> dict[str, Any]:
-        """Return what ``batch --json`` prints, and results.json holds."""
-        failed = [row for row in self.rows if row["code"]]
-        return {
-            "files": self.files,
-            "assets": len(self.jobs),
-            "done": len(self.rows) - len(failed),
-            "failed": len(failed),
-            "new": self.new,
-            "codes": Counter(str(row["code"]) for row in self.rows),
-            "rows": self.rows,
-            "versions": versions(),
-            "warnings": [f"{row['id']}: exit {row['code']}: {row['reason']}" for row in failed],
-        }
+    A worker that is lost is replaced; a row that loses too many is named with it.
+    """
+    with redirect_stdout(sys.stderr):  # Ray tells of lost workers there; ours is the document's
+        os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
+        try:
+            import ray  # pyright: ignore[reportMissingImports]  (the extra `batch`)
+            import ray.exceptions  # pyright: ignore[reportMissingImports]
+        except ImportError as error:
+            raise InputError(
+                "--engine ray needs the extra: pip install autophyx-tet[batch]"
+            ) from error
+        try:
+            if options.address:
+                ray.init(address=options.address, log_to_driver=False)
+            else:
+                ray.init(
+                    "local", num_cpus=options.workers, include_dashboard=False, log_to_driver=False
+                )
+        except (ConnectionError, RuntimeError, ValueError) as error:
+            raise InputError(
+                f"no Ray cluster at {options.address or 'this machine'}: {error}"
+            ) from error
+        try:
+            task = ray.remote(num_cpus=1, max_retries=RAY_RETRIES)(perform)
+            limits = Limits.of(options, threads=1)
+            waiting = {task.remote(job, str(output), limits): job for job in jobs}
+            while waiting:
+                (done, *_), _ = ray.wait(list(waiting))
+                job = waiting.pop(done)
+                try:
+                    yield ray.get(done)
+                except ray.exceptions.RayError as error:
+                    reason = " ".join(f"the worker was lost: {error}".split())[:300]
+                    yield Outcome(job.id, CRASHED, reason, RAY_RETRIES + 1, 0.0, "")
+        finally:
+            ray.shutdown()
 
 
-def write_tables(output: Path, result: BatchResult) -> BatchResult:
-    """Write results.csv, index.html and, last, results.json."""
-    rows = tuple(_row(job, result.ended[job.id], output) for job in result.jobs)
-    files = tuple(output / name for name in ("results.csv", "index.html", "results.json"))
-    result = BatchResult(result.jobs, result.ended, result.new, rows, files)
-    with writing(files[0]) as path, path.open("w", newline="", encoding="utf-8") as lines:
-        table = csv.DictWriter(lines, TABLE_COLUMNS)
-        table.writeheader()
-        table.writerows(rows)
-    with writing(files[1]) as path:
-        path.write_text(index_page(rows, output), encoding="utf-8", newline="\n")
-    write_json(files[2], {"schema": SCHEMA, **result.document()})
-    return result
+class Stopped(Exception):
+    """The batch is ending: the row is neither done nor failed."""
 
 
-def index_page(rows: tuple[dict[str, Any], ...], output: Path) -> str:
-    """The page as text: a card for every row, failures first; it asks for nothing from outside."""
-    failed = [row for row in rows if row["code"]]
-    done = (row for row in rows if not row["code"])
-    cards = [_card(row, output) for row in done]
-    return render("index.html", count=len(rows), failures=failed, cards=cards)
+def perform(
+    job: Job, output: str, limits: Limits, *, stopped: Callable[[], bool] = lambda: False
+) -> Outcome:
+    """Run one row and leave ``output/ID`` or the record of its failure.
+
+    Raises
+    ------
+    Stopped
+        Where ``stopped()`` became true on the way; nothing is left then.
+    """
+    home = Path(output)
+    if (past := stored(job, home)) is not None:  # by a worker that was lost afterwards
+        return past
+    began, code, attempt, reason = time.monotonic(), BY_SIGNAL + 1, 0, ""
+    while code > BY_SIGNAL and attempt < ATTEMPTS:
+        attempt, started = attempt + 1, time.monotonic()
+        try:
+            # beside the results; the folder is moved in whole
+            with tempfile.TemporaryDirectory(dir=_made(home / HOME / "work")) as work:
+                code, reason = _process(job, Path(work), limits, stopped)
+                if code == 0:
+                    seconds = time.monotonic() - started
+                    done = Outcome(job.id, code, reason, attempt, seconds, job.fingerprint())
+                    made, target = Path(work, job.id), home / job.id
+                    write_json(made / RECORD, asdict(done))
+                    if target.exists():
+                        target.rename(made.with_name(".replaced"))
+                    made.rename(target)
+        except (OSError, InputError) as error:
+            code, reason = InputError.exit_code, f"cannot keep the result: {error}"
+    ended = Outcome(job.id, code, reason, attempt, time.monotonic() - began, job.fingerprint())
+    # Write down a failure, or forget one that has been overcome
+    record = home / HOME / "failed" / f"{job.id}.json"
+    try:
+        if code != 0:
+            write_json(_made(record.parent) / record.name, asdict(ended))
+    except (OSError, InputError):  # a full disk: the row has no record, a restart does it again
+        record.unlink(missing_ok=True)
+    if code == 0:
+        record.unlink(missing_ok=True)
+    return ended
+
+
+def stored(job: Job, output: Path) -> Outcome | None:
+    """The end that this very row had before, unless it is worth another try."""
+    places = [output / HOME / "failed" / f"{job.id}.json"]
+    if (output / job.id / "run.json").exists():
+        places.insert(0, output / job.id / RECORD)
+    for place in places:
+        try:
+            ended = Outcome(**json.loads(place.read_text(encoding="utf-8")))
+        except (OSError, ValueError, TypeError):  # none, or not ours: the row is done again
+            continue
+        same = ended.fingerprint == job.fingerprint()
+        return ended if same and (ended.code == 0 or ended.code in FINAL) else None
+    return None
+
+
+def _made(folder: Path) -> Path:
+    folder.mkdir(parents=True, exist_ok=True)
+    return folder
+
+
+def _process(job: Job, work: Path, limits: Limits, stopped: Callable[[], bool]) -> tuple[int, str]:
+    """Run the command line in ``work``; return its exit code and its last words."""
+    call = ("run", job.path, f"--text={job.text}", f"--output={job.id}", "--quiet")
+    log = work / "log.txt"
+    with log.open("wb") as words:
+        child = subprocess.Popen(
+            guarded(COMMAND_LINE, *call, *job.arguments, memory=limits.memory),
+            cwd=work,
+            env=os.environ | dict.fromkeys(THREAD_VARIABLES, str(limits.threads)),
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=words,
+            start_new_session=True,
+        )
+    try:
+        deadline = time.monotonic() + limits.seconds
+        while child.poll() is None:
+            if stopped():
+                raise Stopped
+            if time.monotonic() > deadline:
+                return TIMED_OUT, f"no result within {limits.seconds:g} s"
+            time.sleep(POLL)
+    finally:
+        if child.poll() is None:
+            child.kill()
+        child.wait()
+    if child.returncode < 0:
+        return BY_SIGNAL - child.returncode, f"killed by {signal.Signals(-child.returncode).name}"
+    if child.returncode == 0:
+        return 0, ""
+    # The line of the error, without the program's name; or the box of a refused option
+    lines = log.read_text(errors="replace").splitlines()
+    for line in reversed(lines):
+        if line.startswith("autophyx-tet: "):
+            return child.returncode, line.removeprefix("autophyx-tet: ")
+    box = " ".join(" ".join(line.strip("╭╮╰╯│─ ") for line in lines).split())
+    return child.returncode, box.partition(" Argument helptext")[0][:500] or "it said nothing"
 
 
 def _row(job: Job, ended: Outcome, output: Path) -> dict[str, Any]:
@@ -609,20 +505,29 @@ def _row(job: Job, ended: Outcome, output: Path) -> dict[str, Any]:
     }
 
 
-def _card(row: Mapping[str, Any], output: Path) -> dict[str, str]:
-    """Words of a result's card; its picture and its report by their addresses."""
-    numbers = f"{row['tets']:,} tets, {row['mass']:.3g} kg, {row['seconds']:.0f} s"
-    # A picture as a data address, small enough for a page of a thousand
-    picture = output / row["folder"] / "picture.png"
+def index_page(rows: tuple[dict[str, Any], ...], output: Path) -> str:
+    """The page as text: a card for every row, failures first; it asks for nothing from outside."""
     from PIL import Image
 
-    with Image.open(picture) as image:
-        image.thumbnail((PICTURE_WIDTH, PICTURE_WIDTH))
-        data = io.BytesIO()
-        image.convert("RGB").save(data, "WEBP", quality=PICTURE_QUALITY)
-    return {
-        **{name: row[name] for name in ("id", "text", "materials")},
-        "numbers": f"{numbers}, {row['warnings']} warnings",
-        "report": f"{quote(row['folder'])}/report.html",
-        "picture": (f"data:image/webp;base64,{base64.b64encode(data.getvalue()).decode()}"),
-    }
+    from .report.html import render
+
+    cards = []
+    for row in rows:
+        if row["code"]:
+            continue
+        # A picture as a data address, small enough for a page of a thousand
+        with Image.open(output / row["folder"] / "picture.png") as image:
+            image.thumbnail((PICTURE_WIDTH, PICTURE_WIDTH))
+            data = io.BytesIO()
+            image.convert("RGB").save(data, "WEBP", quality=PICTURE_QUALITY)
+        numbers = f"{row['tets']:,} tets, {row['mass']:.3g} kg, {row['seconds']:.0f} s"
+        cards.append(
+            {name: row[name] for name in ("id", "text", "materials")}
+            | {
+                "numbers": f"{numbers}, {row['warnings']} warnings",
+                "report": f"{quote(row['folder'])}/report.html",
+                "picture": f"data:image/webp;base64,{base64.b64encode(data.getvalue()).decode()}",
+            }
+        )
+    failed = [row for row in rows if row["code"]]
+    return render("index.html", count=len(rows), failures=failed, cards=cards)

@@ -17,15 +17,12 @@ from .asset.document import Sidecar, check_folder, mesh_suffixes
 from .asset.formats import References
 
 if TYPE_CHECKING:
-    from ..converters.embedding import Driven
     from ..converters.points.table import PointTable
-    from ..converters.points.views import SplatFilm
 
-# A carrier of which more than a share lies this far outside, as a share of the body's diagonal, is
+# A carrier of which more than this fraction lies so far outside, as a fraction of the diagonal, is
 # likely in other axes or units. Splats of the body itself lie on its surface, half of them outside.
 STRAY, FAR = 0.2, 0.05
-# Frames of a motion are of the mesh where no point of it differs by more, as a share of its size.
-SAME = 1e-6
+SAME = 1e-6  # of the size: a motion is of the mesh where no point at rest differs by more
 
 
 @dataclass(frozen=True)
@@ -83,14 +80,28 @@ def drive(
     InputError
         Where the carrier cannot be read, or has no points.
     """
+    from ..converters.embedding import Driven
     from ..converters.files import writing_folder
     from ..converters.points.table import read_points, write_points
+    from ..converters.points.views import SplatFilm, chosen_camera, stride, thinned
+    from ..converters.registry import POINT_FORMATS, format_of
 
-    (suffix, warnings), table = _suffix(carrier), read_points(carrier)
+    def embedded(table: PointTable) -> Driven:
+        if run is None:
+            return Driven.of(table, mesh, scale=scale)
+        return Driven.by_particles(table, run, scale=scale)
+
+    form, suffix, warnings = format_of(carrier, POINT_FORMATS), carrier.suffix, []
+    if form.write is None:
+        warnings.append(f"{form.title} ({suffix}) are read only here: the frames are .ply")
+        suffix = ".ply"
+    table = read_points(carrier)
     states = displacements if run is None else range(len(run.positions))
-    body = mesh if run is None else run
-    driven = _embedded(table, body, scale)
-    film = _film(table, body, states, scale, up) if table.is_splat else None
+    driven, film = embedded(table), None
+    if table.is_splat and isinstance(states, Sequence | np.ndarray):
+        # its camera is chosen by a few of them over the motion, where that is known
+        some = list(embedded(thinned(table)).frames(states[:: stride(len(states))]))
+        film = SplatFilm(chosen_camera(some, up), len(states))
     with writing_folder(folder) as scratch:
         names = []
         for i, moved in enumerate(driven.frames(states)):
@@ -99,7 +110,15 @@ def drive(
             if film is not None:
                 film.show(i, moved)
         picture = film.save(scratch / f"{carrier.stem}.gif") if film is not None else None
-    warnings += _doubts(driven, body)
+    rest = mesh.points if run is None else run.positions[0]
+    room = FAR * float(np.linalg.norm(np.ptp(rest, axis=0)))
+    count, far = int(driven.valid.sum()), int((driven.embedding.away > room).sum())
+    if far > STRAY * count:
+        warnings.append(
+            f"{far:,} of {count:,} lie more than {room:.2g} m outside the mesh, up to "
+            f"{driven.farthest:.3g} m: they follow what is nearest; has the carrier the axes and "
+            "metres of the mesh? --scale sets its metres per unit"
+        )
     return DriveRecord(
         files=tuple(folder / name for name in names),
         frames=len(names),
@@ -111,27 +130,6 @@ def drive(
         picture=None if picture is None else folder / picture.name,
         warnings=tuple(warnings),
     )
-
-
-def _embedded(table: PointTable, body: TetMesh | ParticleRun, scale: float) -> Driven:
-    from ..converters.embedding import Driven
-
-    if isinstance(body, TetMesh):
-        return Driven.of(table, body, scale=scale)
-    return Driven.by_particles(table, body, scale=scale)
-
-
-def _film(
-    table: PointTable, body: TetMesh | ParticleRun, states: Any, scale: float, up: UpAxis
-) -> SplatFilm | None:
-    """A film of splats, its camera chosen by a few of them over the motion, if that is known."""
-    from ..converters.points.views import SplatFilm, chosen_camera, stride, thinned
-
-    if not isinstance(states, Sequence | np.ndarray):
-        return None
-    some = _embedded(thinned(table), body, scale)
-    frames = list(some.frames(states[:: stride(len(states))]))
-    return SplatFilm(chosen_camera(frames, up), len(states))
 
 
 def transfer_motion(
@@ -161,47 +159,21 @@ def transfer_motion(
 
 
 def checked_scale(scale: float | None, source: object, target: Path) -> float:
-    """Metres per unit of a target as given, or as known; ``UsageError`` where it is no size."""
-    found = metres_per_unit(source, target) if scale is None else scale
-    if not (np.isfinite(found) and found > 0):
-        raise UsageError(f"--scale must be a number > 0 of metres per unit, got {found:g}")
-    return found
+    """Metres per unit of a target as given, or as known; ``UsageError`` where it is no size.
 
-
-def metres_per_unit(source: object, target: Path) -> float:
-    """Metres per unit of the target where it is the asset that the mesh was made of, else 1."""
-    if not isinstance(source, str | Path):
-        return 1.0
-    is_mesh = Path(source).suffix.lower() in mesh_suffixes()
-    sidecar = Sidecar.read(Path(source)) if is_mesh else None
-    if sidecar is None or not target.is_file():
-        return 1.0
-    same = References(target.parent).digest(target.read_bytes()) == sidecar.source.get("sha256")
-    return float(sidecar.source.get("metres_per_unit", 1.0)) if same else 1.0
-
-
-def _suffix(carrier: Path) -> tuple[str, list[str]]:
-    """Suffix of the frames, and what to know about it."""
-    from ..converters.registry import POINT_FORMATS, format_of
-
-    form = format_of(carrier, POINT_FORMATS)
-    if form.write is not None:
-        return carrier.suffix, []
-    return ".ply", [f"{form.title} ({carrier.suffix}) are read only here: the frames are .ply"]
-
-
-def _doubts(driven: Driven, body: TetMesh | ParticleRun) -> list[str]:
-    rest = body.points if isinstance(body, TetMesh) else body.positions[0]
-    room = FAR * float(np.linalg.norm(np.ptp(rest, axis=0)))
-    count, far = int(driven.valid.sum()), int((driven.embedding.away > room).sum())
-    if far <= STRAY * count:
-        return []
-    return [
-        f"{far:,} of {count:,} lie more than {room:.2g} m outside the mesh, up to "
-        f"{driven.farthest:.3g} m: "
-        "they follow what is nearest; has the carrier the axes and metres of the mesh? --scale "
-        "sets its metres per unit"
-    ]
+    Known are those of the asset that the mesh was made of; else it is 1.
+    """
+    if scale is None:
+        scale, sidecar = 1.0, None
+        if isinstance(source, str | Path) and Path(source).suffix.lower() in mesh_suffixes():
+            sidecar = Sidecar.read(Path(source))
+        if sidecar is not None and target.is_file():
+            digest = References(target.parent).digest(target.read_bytes())
+            if digest == sidecar.source.get("sha256"):
+                scale = float(sidecar.source.get("metres_per_unit", 1.0))
+    if not (np.isfinite(scale) and scale > 0):
+        raise UsageError(f"--scale must be a number > 0 of metres per unit, got {scale:g}")
+    return scale
 
 
 def _displacements(motion: Path, mesh: TetMesh) -> Iterator[np.ndarray]:

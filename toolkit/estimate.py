@@ -6,7 +6,7 @@ default options. Four in five of those lie within the range that is given.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -19,7 +19,7 @@ from .options import ConvertOptions, SimulateOptions
 
 
 class PowerLaw(NamedTuple):
-    """``factor * (area / edge^2)^area * faces^faces``, and its 10 and 90 % quantiles as shares."""
+    """``factor * (area / edge^2)^area * faces^faces``, and its 10 and 90 % quantiles as ratios."""
 
     factor: float
     area: float
@@ -30,15 +30,15 @@ class PowerLaw(NamedTuple):
     def at(self, area: float, faces: int) -> dict[str, float]:
         """Estimate with its range, to two digits."""
         value = self.factor * area**self.area * faces**self.faces
-        shares = {"low": self.low, "likely": 1.0, "high": self.high}
-        return {name: float(f"{share * value:.2g}") for name, share in shares.items()}
+        ratios = {"low": self.low, "likely": 1.0, "high": self.high}
+        return {name: float(f"{ratio * value:.2g}") for name, ratio in ratios.items()}
 
 
 TETS = PowerLaw(factor=12.6, area=0.825, faces=0.153, low=0.51, high=1.65)
 CONVERT_SECONDS = PowerLaw(factor=0.0477, area=0.468, faces=0.311, low=0.46, high=2.43)
 # Tets of a lattice by those wanted, and seconds of a core for start, tet and triangle, with their
 # range: thin parts get more tets, for their volume is matched.
-LATTICE_SHARES = {"low": 0.85, "likely": 1.2, "high": 2.0}
+LATTICE_RATIOS = {"low": 0.85, "likely": 1.2, "high": 2.0}
 LATTICE_SECONDS, LATTICE_TET_SECONDS, LATTICE_FACE_SECONDS = 2.5, 4e-5, 5e-5
 LATTICE_SPREAD = {"low": 0.5, "likely": 1.0, "high": 2.5}
 # Of a core, for materials, sag, pictures and report of one sentence: start, and for each tet.
@@ -70,86 +70,70 @@ def plan(
     else:
         check_mesh(output)
     scale = {"size": options.size, "units": options.units, "up": options.up}
-    cost: dict[str, dict[str, float]]
     if path.suffix.lower() in SUFFIXES:
         asset, mesh, _ = import_tets(path, **scale)
-        cost = {"tets": dict.fromkeys(("low", "likely", "high"), float(len(mesh.tets)))}
-        first = f"take over the {len(mesh.tets):,} tets of {path}"
+        tets: dict[str, float] = dict.fromkeys(TETS.at(1.0, 1), float(len(mesh.tets)))
+        seconds = dict.fromkeys(tets, 0.0)
+        steps = [f"take over the {len(mesh.tets):,} tets of {path}"]
     else:
         asset = load_asset(path, **scale)
-        cost = _cost(asset, options)
-        first = f"fill {len(asset.parts)} parts of {path} with tets"
+        tets, seconds = _cost(asset, options)
+        steps = [f"fill {len(asset.parts)} parts of {path} with tets"]
     scenario = simulate.scenario if simulate else ""
+    for text in texts:
+        steps.append(
+            f"give every tet E, nu and rho from {text!r}" if text else "guess the materials"
+        )
+        steps.append(f"simulate: {scenario}")
+    steps.append(f"write {'the folder ' if texts else ''}{output}")
+    memory = {name: BASE_MEMORY + TET_MEMORY * count for name, count in tets.items()}
+    if scenario and SCENARIOS[scenario].method != "statics":
+        # how long a motion or its Newton steps take is not known
+        estimates = {"tets": tets, "convert_cpu_seconds": seconds, "memory": memory}
+    else:
+        total = {
+            name: round(seconds[name] + len(texts) * (SENTENCE_SECONDS + TET_SECONDS * count), 1)
+            for name, count in tets.items()
+        }
+        estimates = {"tets": tets, "cpu_seconds": total, "memory": memory}
     return {
         "dry_run": True,
-        "steps": [first, *_steps(texts, scenario, output)],
+        "steps": steps,
         "part_names": [part.name for part in asset.parts],
         "faces": _faces(asset),
-        "bounds": _bounds(asset),
+        "bounds": asset.bounds,
         "up": asset.up,
-        "estimates": _with_sentences(cost, len(texts), scenario),
+        "estimates": estimates,
         "warnings": list(asset.warnings),
     }
 
 
-def _steps(texts: Sequence[str], scenario: str, output: Path) -> Iterator[str]:
-    for text in texts:
-        yield f"give every tet E, nu and rho from {text!r}" if text else "guess the materials"
-        yield f"simulate: {scenario}"
-    yield f"write {'the folder ' if texts else ''}{output}"
-
-
-def _cost(asset: Asset, options: ConvertOptions) -> dict[str, dict[str, float]]:
+def _cost(asset: Asset, options: ConvertOptions) -> tuple[dict[str, float], dict[str, float]]:
     """Tets and seconds of a core that converting takes."""
-    from .meshing.ftetwild import EDGE_LENGTH_REL
+    from .meshing.ftetwild import EDGE_LENGTH_REL, TETS_PER_CUBE, EngineTarget
     from .meshing.meshers import STUFFING, chosen_mesher
 
-    diagonal = float(np.linalg.norm(np.subtract(*_bounds(asset))))
+    diagonal, faces = float(np.linalg.norm(asset.size)), _faces(asset)
     if chosen_mesher(options.mesher, sampled=asset.sampled) == STUFFING:
-        # The same of a lattice: its tets fill the volume, or are as many as wanted
-        from .meshing.ftetwild import TETS_PER_CUBE, EngineTarget
-
+        # tets of a lattice fill the volume, or are as many as wanted
         rel = options.edge_length / diagonal if options.edge_length else options.edge_length_rel
         target = EngineTarget.of(diagonal, rel, options.epsilon_rel, 20.0, 1)
-        wanted = float(target.on_lattice(options.max_tets, sharp=True).tets)
+        count = float(target.on_lattice(options.max_tets, sharp=True).tets)
         if rel is not None:
             volume = sum(abs(float(part.mesh.volume)) for part in asset.parts)
-            wanted = max(TETS_PER_CUBE * volume / target.edge_length**3, 1.0)
-        tets = {name: float(f"{share * wanted:.2g}") for name, share in LATTICE_SHARES.items()}
-        seconds = (
-            LATTICE_SECONDS + LATTICE_TET_SECONDS * wanted + LATTICE_FACE_SECONDS * _faces(asset)
+            count = max(TETS_PER_CUBE * volume / target.edge_length**3, 1.0)
+        total = LATTICE_SECONDS + LATTICE_TET_SECONDS * count + LATTICE_FACE_SECONDS * faces
+        return (
+            {name: float(f"{ratio * count:.2g}") for name, ratio in LATTICE_RATIOS.items()},
+            {name: round(ratio * total, 1) for name, ratio in LATTICE_SPREAD.items()},
         )
-        return {
-            "tets": tets,
-            "cpu_seconds": {n: round(share * seconds, 1) for n, share in LATTICE_SPREAD.items()},
-        }
     edge = options.edge_length or (options.edge_length_rel or EDGE_LENGTH_REL) * diagonal
     area = sum(float(part.mesh.area) for part in asset.parts) / edge**2
-    tets = TETS.at(area, _faces(asset))
+    tets = TETS.at(area, faces)
     if options.max_tets:
         tets = {name: min(count, options.max_tets) for name, count in tets.items()}
-    return {"tets": tets, "cpu_seconds": CONVERT_SECONDS.at(area, _faces(asset))}
-
-
-def _with_sentences(
-    cost: dict[str, dict[str, float]], sentences: int, scenario: str
-) -> dict[str, Any]:
-    """Add what every sentence costs; how long a motion or its Newton steps take is not known."""
-    tets, seconds = cost["tets"], cost.get("cpu_seconds", dict.fromkeys(cost["tets"], 0.0))
-    memory = {name: BASE_MEMORY + TET_MEMORY * count for name, count in tets.items()}
-    if scenario and SCENARIOS[scenario].method != "statics":
-        return {"tets": tets, "convert_cpu_seconds": seconds, "memory": memory}
-    total = {
-        name: round(seconds[name] + sentences * (SENTENCE_SECONDS + TET_SECONDS * count), 1)
-        for name, count in tets.items()
-    }
-    return {"tets": tets, "cpu_seconds": total, "memory": memory}
+    return tets, CONVERT_SECONDS.at(area, faces)
 
 
 def _faces(asset: Asset) -> int:
     return sum(len(part.mesh.faces) for part in asset.parts)
-
-
-def _bounds(asset: Asset) -> np.ndarray:
-    boxes = np.array([part.mesh.bounds for part in asset.parts])
-    return np.array([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)])

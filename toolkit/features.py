@@ -31,6 +31,8 @@ from .options import FeatureOptions, with_given
 
 log = logging.getLogger(__name__)
 
+# Of the appearance, as the network's evidence was measured; more bound no more voxels right.
+VIEWS, CELLS = 8, 32
 # The packages that compute the result: another version of one of them is another result.
 PACKAGES = ("autophyx-tet", "numpy", "scipy", "torch", "embreex")
 
@@ -96,6 +98,9 @@ def features(
     InputError
         Where the asset cannot be read, an output not written, or the encoder's weights are absent.
     """
+    from ..predictors.appearance.features import matter_bounds, render_grid
+    from ..predictors.appearance.radiance import fit_radiance
+    from ..predictors.appearance.views import hemisphere, load_photographs
     from .asset.load import load_asset
 
     options = with_given(options or FeatureOptions(), given, verb="features").checked()
@@ -107,9 +112,18 @@ def features(
     encoder = reader or load_encoder(options.encoder)
     seen: Asset | None = None
     if isinstance(asset, str | Path) and Path(asset).suffix.lower() == ".json":
-        voxels = _photographed(Path(asset), encoder, options)
+        # on the cells of a radiance field fitted to photographs
+        photographs = load_photographs(Path(asset))
+        field = fit_radiance(photographs, cells=options.cells)
+        log.info("radiance field: colour error %.3f", field.error)
+        voxels = features_of_views(photographs, field.density, field.grid, encoder=encoder)
     elif isinstance(asset, str | Path) and is_carrier(Path(asset)):
-        voxels = _carried(Path(asset), encoder, options)
+        # by pictures of the cells of splats, points or a density grid
+        density, colour, grid = read_coloured_grid(Path(asset), cells=options.cells)
+        box = matter_bounds(density, grid)
+        cameras = hemisphere(box, count=options.views, lower=options.lower)
+        views = render_grid(density, colour, grid, cameras)
+        voxels = features_of_views(views, density, grid, encoder=encoder)
     else:
         seen = asset if isinstance(asset, Asset) else load_asset(asset)
         voxels = _remembered(seen, encoder, options)
@@ -128,32 +142,19 @@ def features(
     return Features(seen, voxels, parts, files)
 
 
-def _photographed(path: Path, encoder: ImageEncoder, options: FeatureOptions) -> VoxelFeatures:
-    """Features of photographs, on the cells of a radiance field fitted to them."""
-    from ..predictors.appearance.radiance import fit_radiance
-    from ..predictors.appearance.views import load_photographs
-
-    views = load_photographs(path)
-    field = fit_radiance(views, cells=options.cells)
-    log.info("radiance field: colour error %.3f", field.error)
-    return features_of_views(views, field.density, field.grid, encoder=encoder)
-
-
-def _carried(path: Path, encoder: ImageEncoder, options: FeatureOptions) -> VoxelFeatures:
-    """Features of splats, points or a density grid, by pictures of its cells."""
-    from ..predictors.appearance.features import matter_bounds, render_grid
-    from ..predictors.appearance.views import hemisphere
-
-    density, colour, grid = read_coloured_grid(path, cells=options.cells)
-    cameras = hemisphere(matter_bounds(density, grid), count=options.views, lower=options.lower)
-    views = render_grid(density, colour, grid, cameras)
-    return features_of_views(views, density, grid, encoder=encoder)
-
-
 def _remembered(asset: Asset, encoder: ImageEncoder, options: FeatureOptions) -> VoxelFeatures:
     """Features of an asset, from the cache if they were made before."""
-    folder = options.memory if asset.source_hash is not None else None
-    path = None if folder is None else folder / f"{_key(asset, encoder, options)}.npz"
+    path = None
+    if options.memory is not None and asset.source_hash is not None:
+        seen = {
+            "asset": asset.source_hash,
+            "parts": asset.part_names,
+            "placed": [asset.metres_per_unit, asset.up],
+            "encoder": encoder.name,
+            "options": [options.cells, options.views, options.lower],
+        }
+        key = digest("features", {"bounds": asset.bounds}, seen, packages=PACKAGES)
+        path = options.memory / f"{key}.npz"
     if path is not None and (known := recalled(path)) is not None:
         return VoxelFeatures.of(known)
     made = features_of(
@@ -164,44 +165,26 @@ def _remembered(asset: Asset, encoder: ImageEncoder, options: FeatureOptions) ->
     return VoxelFeatures.of(made)  # in half precision, as from the cache
 
 
-def _key(asset: Asset, encoder: ImageEncoder, options: FeatureOptions) -> str:
-    """SHA-256 of all that the features depend on."""
-    seen = {
-        "asset": asset.source_hash,
-        "parts": asset.part_names,
-        "placed": [asset.metres_per_unit, asset.up],
-        "encoder": encoder.name,
-        "options": [options.cells, options.views, options.lower],
-    }
-    return digest("features", {"bounds": asset.bounds}, seen, packages=PACKAGES)
-
-
-# What is seen of an asset, on the voxels of its mesh: colours, and features of pictures.
-
-VIEWS, CELLS = 8, 32  # as the network's evidence was measured; more bound no more voxels right
-
-
 def appearance_of(asset: Asset, voxels: PartVoxels, *, encoder: str | None = None) -> Appearance:
     """Look at an asset: the colours of its surface, and what an image encoder sees if one is named.
 
     The asset lies where its mesh does, in metres.
     """
-    # Look of the nearest surface, of every occupied cell
+    # of every occupied cell, the look of the nearest surface
     occupied = voxels.occupied
+    cells = voxels.grid.centers()[occupied]
     looks = np.zeros((*occupied.shape, LOOK), dtype=np.float32)
-    looks[occupied] = cell_looks(asset, voxels.grid.centers()[occupied])
+    looks[occupied] = cell_looks(asset, cells)
     seen = Appearance(looks[..., :3], finish=looks[..., 3:])
     if encoder is None:
         return seen
-    options = FeatureOptions(encoder=encoder, views=VIEWS, cells=CELLS)
-    words = speaking_encoder(encoder)
-    pictured = features(asset, options=options).voxels
-    # Features of the nearest cell that has some, of every occupied cell
     from scipy.spatial import KDTree
 
-    occupied = voxels.occupied
-    known = KDTree(pictured.grid.to_world(pictured.cells))
-    _, nearest = known.query(voxels.grid.centers()[occupied])
+    words = speaking_encoder(encoder)
+    options = FeatureOptions(encoder=encoder, views=VIEWS, cells=CELLS)
+    pictured = features(asset, options=options).voxels
+    # and the features of the nearest cell that has some
+    _, nearest = KDTree(pictured.grid.to_world(pictured.cells)).query(cells)
     out = np.zeros((*occupied.shape, pictured.values.shape[1]), dtype=np.float32)
     out[occupied] = pictured.values[nearest]
     return replace(seen, features=out, words=words)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shlex
 import tomllib
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
@@ -21,12 +22,13 @@ from ..fem.scene import UpAxis
 from ..fem.solve.method import SCENARIOS
 from ..predictors.encoders import ENCODERS, check_encoder
 from ..predictors.predictor import PREDICTORS
+from .asset import Unit
 from .asset.document import path_of
-from .asset.load import Unit
 from .meshing.meshers import AUTO, MESHERS
 
 # What a stage of progress begins with that says how long a run will take: it is always shown.
 EXPECTED = "expected: "
+EVERY = "*"  # in place of a part's name, in options of walls
 Names = Literal["symbols", "usd", "vomp", "pixie", "newton"]
 
 
@@ -89,6 +91,66 @@ class ConvertOptions:
         names += ("mesher", "time_limit", "accept_broken", "seed")
         cache = None if self.no_cache else self.cache or _cache_folder("convert")
         return {name: getattr(self, name) for name in names} | {"cache": cache}
+
+
+@dataclass(frozen=True)
+class WallOptions:
+    """What closed parts are inside: solid, or a wall around something."""
+
+    wall: float | None = None
+    """Wall [m] of every closed part; by default what its kind of thing has, else it is solid."""
+    part_wall: Annotated[tuple[str, ...], Repeated] = ()
+    """Wall [m] of one part, NAME=METRES, or NAME=solid; may be repeated."""
+    fill: Annotated[tuple[str, ...], Repeated] = ()
+    """What walls hold: MATERIAL, or NAME=MATERIAL for one part; may be repeated."""
+    solid: bool = False
+    """Closed parts are solid, whatever they are called."""
+    held: Annotated[tuple[str, ...], tyro.conf.Suppress] = ()
+    """Parts whose walls the mesh has by itself: what a conversion found."""
+    contents: Annotated[tuple[str, ...], tyro.conf.Suppress] = ()
+    """Material of parts that are what walls hold, NAME=MATERIAL: what a conversion made."""
+
+    def geometry(self) -> dict[str, Any]:
+        """Return what the tetrahedraliser makes of it: walls [m] of parts that hold nothing."""
+        walls, full = self.by_part(), self.fillings()
+        hollow = {name: wall for name, wall in walls.items() if wall and EVERY not in full}
+        return {
+            "wall": None if EVERY in full or self.solid else self.wall,
+            "part_wall": hollow,
+            "solid": (
+                *full,
+                *self.held,
+                *pairs(self.contents),
+                *(name for name, wall in walls.items() if wall is None),
+            ),
+        }
+
+    def wall_of(self, part: str) -> float | None:
+        """Return the wall [m] that is said of a part, None where it is solid or nothing is said."""
+        return self.by_part().get(part, None if self.solid else self.wall)
+
+    def filling_of(self, part: str) -> str | None:
+        """Return the material that a part is said to be full of."""
+        full = self.fillings()
+        return full.get(part, full.get(EVERY))
+
+    def by_part(self) -> dict[str, float | None]:
+        """Return the walls [m] of single parts, None for solid ones."""
+        walls = pairs(self.part_wall).items()
+        return {name: None if said == "solid" else _metres(said) for name, said in walls}
+
+    def fillings(self) -> dict[str, str]:
+        """Return the material that each part is full of; ``EVERY`` stands for all."""
+        return pairs([said if "=" in said else f"{EVERY}={said}" for said in self.fill])
+
+
+def _metres(value: str) -> float:
+    try:
+        return float(value)
+    except ValueError as error:
+        raise UsageError(
+            f"wanted a wall in metres, NAME=0.003, or NAME=solid, got {value!r}"
+        ) from error
 
 
 @dataclass(frozen=True)
@@ -272,6 +334,34 @@ class FeatureOptions:
 
 
 @dataclass(frozen=True)
+class BatchOptions:
+    """Who does the rows of a batch, and what each row may use."""
+
+    engine: Literal["local", "ray"] = "local"
+    """Processes of this machine, or a Ray cluster (the extra `batch`)."""
+    address: str | None = None
+    """Address of a running Ray cluster; by default one is started here."""
+    workers: int | None = None
+    """Assets at a time; by default as many as there are cores."""
+    time_limit: float = 1800.0
+    """Seconds that one asset may take."""
+    memory_limit: float = 8.0
+    """Address space [GB] of each process of an asset; 2 is enough for small ones."""
+
+    def checked(self) -> BatchOptions:
+        """Return itself, or say what is out of range."""
+        if self.workers is not None and self.workers < 1:
+            raise UsageError(f"--workers must be at least 1, got {self.workers}")
+        for name in ("time_limit", "memory_limit"):
+            if not getattr(self, name) > 0:
+                flag = name.replace("_", "-")
+                raise UsageError(f"--{flag} must be > 0, got {getattr(self, name):g}")
+        if self.address and self.engine != "ray":
+            raise UsageError("--address names a Ray cluster: say --engine ray too")
+        return self
+
+
+@dataclass(frozen=True)
 class Common:
     """What every command has."""
 
@@ -304,10 +394,8 @@ def _cache_folder(name: str) -> Path:
     return platformdirs.user_cache_path("autophyx-tet") / name
 
 
-# Options outside the command line: a TOML file and the cells of a manifest, as arguments.
-#
-# Both become ordinary arguments, so that there is one parser and one set of messages. What stands
-# in the file comes first: the command line has the last word.
+# A TOML file and the cells of a manifest become ordinary arguments, so that there is one parser and
+# one set of messages. They stand first: the command line has the last word.
 
 Options = TypeVar("Options")  # a dataclass of options
 # What belongs to one call, not to a configuration.
@@ -431,19 +519,19 @@ def with_config(command: list[str], known: Collection[str]) -> list[str]:
 
 def config_text(command: Any) -> str:
     """The options of a command as TOML; one that has no value yet is a comment."""
-    return "\n".join(_lines(command)) + "\n"
 
+    def lines(options: Any) -> Iterator[str]:
+        for item in fields(options):
+            value = getattr(options, item.name)
+            if item.name in _OF_THE_CALL:
+                continue
+            if is_dataclass(value):
+                yield from ("", f"# {type(value).__name__}", *lines(value))
+            elif "Positional" not in str(item.type):
+                name = _SHORT.get(item.name, item.name)
+                yield f"# {name} =" if value is None else f"{name} = {_toml(value)}"
 
-def _lines(options: Any) -> Iterator[str]:
-    for item in fields(options):
-        value = getattr(options, item.name)
-        if item.name in _OF_THE_CALL:
-            continue
-        if is_dataclass(value):
-            yield from ("", f"# {type(value).__name__}", *_lines(value))
-        elif "Positional" not in str(item.type):
-            name = _SHORT.get(item.name, item.name)
-            yield f"# {name} =" if value is None else f"{name} = {_toml(value)}"
+    return "\n".join(lines(command)) + "\n"
 
 
 def _toml(value: Any) -> str:
@@ -453,11 +541,5 @@ def _toml(value: Any) -> str:
         return repr(value)
     if isinstance(value, list | tuple):
         return f"[{', '.join(map(_toml, value))}]"
-    escaped = "".join(_escape(letter) for letter in str(value))
-    return f'"{escaped}"'
-
-
-def _escape(letter: str) -> str:
-    if letter in '"\\':
-        return "\\" + letter
-    return letter if ord(letter) >= 32 and ord(letter) != 127 else f"\\u{ord(letter):04x}"
+    # control characters and quotes as JSON has them; all else as it is written
+    return json.dumps(str(value), ensure_ascii=False).replace("\x7f", "\\u007f")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -14,14 +14,14 @@ from ..converters.mesh.meshdata import grain_words, lost_words
 from ..converters.registry import Keeps
 from ..fem.errors import InputError, UsageError
 from ..fem.grain import grained_parts, parts_of_grain, with_grains
-from ..fem.mesh import TetMesh
+from ..fem.mesh import TetMesh, material_of
 from ..predictors.field import MaterialField
 from ..predictors.grid import Grid
 from .asset.document import BodyRecord, Sidecar, check_file, mesh_document, path_of
 from .driving import checked_scale
 from .options import ExportOptions, TransferOptions, with_given
-from .simulation.matter import rows_of_field
 from .simulation.scenario import stated_grains
+from .simulation.simulate import rows_of_field
 
 if TYPE_CHECKING:
     from ..converters.carriers import Transferred
@@ -135,16 +135,22 @@ def transfer(
     >>> read_points("jelly.ply").columns["E"].round(1).tolist()  # Pa
     [100000.0]
     """
-    from ..converters.carriers import append_material
+    from ..converters.carriers import append_material, is_density
+    from ..converters.registry import GRID_FORMATS, POINT_FORMATS, written
     from ..converters.transfer import field_from_tets
 
     options = with_given(options or TransferOptions(), given, verb="transfer")
     target, output = Path(target), path_of(output)
-    check_file(output, _room(target))
+    # suffixes with room for the values, and its own
+    if is_density(target):
+        suffixes = written(GRID_FORMATS)
+    else:
+        suffixes = tuple(dict.fromkeys([target.suffix.lower(), *written(POINT_FORMATS)]))
+    check_file(output, suffixes)
     if output.resolve() == target.resolve():
         raise UsageError(f"output {output} is the file to be written again: give it another name")
     scale = checked_scale(options.scale, source, target)
-    field = source if isinstance(source, MaterialField | TetMesh) else read_source(Path(source))
+    field = source if isinstance(source, MaterialField | TetMesh) else _read_source(Path(source))
     # Words for the grain of the parts that have one: no carrier keeps it
     if isinstance(field, MaterialField):
         parts = parts_of_grain(rows_of_field(field))
@@ -158,8 +164,21 @@ def transfer(
     with TemporaryDirectory(dir=output.parent, prefix=".tmp-") as scratch:
         done = append_material(replace(field, grid=grid), target, Path(scratch) / output.name)
         files = _publish(done.files, output.parent, source)
-    warnings = (*_misfit(done, grid), *_left_out(output.name, (*done.lost, *lost)))
-    return TransferResult(done, scale, files, warnings)
+    warnings = []
+    away = done.max_fallback_distance / float(np.linalg.norm(grid.hi - grid.lo))
+    if away > AWAY:
+        warnings.append(
+            f"{done.n_fallback} of {done.points} places lie outside the field, up to "
+            f"{away:.2g} of its diagonal: has the target the axes "
+            "and the metres of the mesh? --scale sets its metres per unit"
+        )
+    if done.n_invalid:
+        warnings.append(
+            f"{done.n_invalid} of {done.points} points have no finite position and got no value"
+        )
+    if lost := (*done.lost, *lost):
+        warnings.append(f"not kept in {output.name}: {', '.join(lost)}")
+    return TransferResult(done, scale, files, tuple(warnings))
 
 
 def export(
@@ -236,11 +255,29 @@ def export(
         )
         files = _publish(done.files, output.parent, mesh)
     result = ExportResult(body, target, done, files)
-    followed = Keeps.GRAIN not in done.lost
-    return replace(result, warnings=(*(notes if followed else ()), *_losses(result)))
+    # How the program takes the body, and what it will not see as it is in the mesh
+    warnings = [*(() if Keeps.GRAIN in done.lost else notes), *done.notes]
+    change = result.quantisation()
+    if change and max(change["largest"].values()) > 1e-9:  # rounding of a mean of equals is less
+        worst = change["largest"]
+        warnings.append(
+            f"materials were grouped into {done.bins}: E changes by at most "
+            f"{worst['E']:.2g}, nu by {worst['nu']:.2g}, rho by {worst['rho']:.2g} "
+            "(E and rho relative); --bins allows more"
+        )
+    if lost := lost_words(done.lost, body):
+        warnings.append(f"not kept in the files for {target}: {', '.join(lost)}")
+    material = material_of(body)
+    for item, name in ((Keeps.E, "E"), (Keeps.NU, "nu"), (Keeps.RHO, "rho")):
+        if item in done.lost:
+            low, high = (f"{end(getattr(material, name)):.3g}" for end in (np.min, np.max))
+            warnings.append(f"{name} runs from {low} to {high}: one value is written")
+    if soft := int((material.nu > NU_MOST).sum()):
+        warnings.append(f"{soft} tets have nu > {NU_MOST}: linear tets of most programs lock there")
+    return replace(result, warnings=tuple(warnings))
 
 
-def read_source(path: Path) -> MaterialField | TetMesh:
+def _read_source(path: Path) -> MaterialField | TetMesh:
     """Read a field or a mesh; other columns of points with E, nu, rho become a field."""
     from ..converters import files as npz
     from ..converters.mesh.meshdata import read_mesh
@@ -258,16 +295,6 @@ def read_source(path: Path) -> MaterialField | TetMesh:
     raise InputError(f"{path}: no field or mesh is read from {suffix!r}; known are {known}")
 
 
-def _room(target: Path) -> tuple[str, ...]:
-    """Suffixes a carrier may be written as: those with room, and its own."""
-    from ..converters.carriers import is_density
-    from ..converters.registry import GRID_FORMATS, POINT_FORMATS, written
-
-    if is_density(target):
-        return written(GRID_FORMATS)
-    return tuple(dict.fromkeys([target.suffix.lower(), *written(POINT_FORMATS)]))
-
-
 def _publish(written: Sequence[Path], folder: Path, source: object) -> tuple[Path, ...]:
     """Move finished files to their place, all of them, but never over the source."""
     files = tuple(folder / path.name for path in written)
@@ -277,44 +304,3 @@ def _publish(written: Sequence[Path], folder: Path, source: object) -> tuple[Pat
     for path, file in zip(written, files, strict=True):
         path.replace(file)
     return files
-
-
-def _misfit(done: Transferred, grid: Grid) -> Iterator[str]:
-    """Say where the carrier does not lie in the field, or has no place at all."""
-    diagonal = float(np.linalg.norm(grid.hi - grid.lo))
-    if done.max_fallback_distance > AWAY * diagonal:
-        yield (
-            f"{done.n_fallback} of {done.points} places lie outside the field, up to "
-            f"{done.max_fallback_distance / diagonal:.2g} of its diagonal: has the target the axes "
-            "and the metres of the mesh? --scale sets its metres per unit"
-        )
-    if done.n_invalid:
-        yield f"{done.n_invalid} of {done.points} points have no finite position and got no value"
-
-
-def _left_out(name: str, lost: Sequence[str]) -> Iterator[str]:
-    """Say what of the given the files have no place for."""
-    if lost:
-        yield f"not kept in {name}: {', '.join(lost)}"
-
-
-def _losses(result: ExportResult) -> Iterator[str]:
-    """Say how the program takes the body, and what it will not see as it is in the mesh."""
-    yield from result.done.notes
-    change = result.quantisation()
-    if change and max(change["largest"].values()) > 1e-9:  # rounding of a mean of equals is less
-        worst = change["largest"]
-        yield (
-            f"materials were grouped into {result.done.bins}: E changes by at most "
-            f"{worst['E']:.2g}, nu by {worst['nu']:.2g}, rho by {worst['rho']:.2g} "
-            "(E and rho relative); --bins allows more"
-        )
-    lost = lost_words(result.done.lost, result.mesh)
-    yield from _left_out(f"the files for {result.target}", lost)
-    material = result.mesh.material
-    for item, name in ((Keeps.E, "E"), (Keeps.NU, "nu"), (Keeps.RHO, "rho")):
-        if item in result.done.lost:
-            values = getattr(material, name)
-            yield f"{name} runs from {values.min():.3g} to {values.max():.3g}: one value is written"
-    if material is not None and (soft := int((material.nu > NU_MOST).sum())):
-        yield f"{soft} tets have nu > {NU_MOST}: linear tets of most programs lock there"

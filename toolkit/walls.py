@@ -7,10 +7,9 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
-import tyro
 from jaxtyping import Float
 
 from ..fem.errors import UsageError
@@ -42,7 +41,7 @@ from ..predictors.text.numerals import Quantity, wall_said
 from .asset.document import Sidecar
 from .asset.repair import repair
 from .asset.solids import Shell, hull_share, inner_surface, wall_share
-from .options import ConvertOptions, Repeated, pairs
+from .options import EVERY, ConvertOptions, WallOptions, pairs
 
 
 def with_stated_walls(
@@ -93,69 +92,6 @@ def _stated(asset: Asset, text: str) -> dict[str, float]:
         )
         if wall and not any(clauses[k].filling for k in part.clauses)
     }
-
-
-# Options of walls: what closed parts are inside.
-
-EVERY = "*"  # in place of a part's name
-
-
-@dataclass(frozen=True)
-class WallOptions:
-    """What closed parts are inside: solid, or a wall around something."""
-
-    wall: float | None = None
-    """Wall [m] of every closed part; by default what its kind of thing has, else it is solid."""
-    part_wall: Annotated[tuple[str, ...], Repeated] = ()
-    """Wall [m] of one part, NAME=METRES, or NAME=solid; may be repeated."""
-    fill: Annotated[tuple[str, ...], Repeated] = ()
-    """What walls hold: MATERIAL, or NAME=MATERIAL for one part; may be repeated."""
-    solid: bool = False
-    """Closed parts are solid, whatever they are called."""
-    held: Annotated[tuple[str, ...], tyro.conf.Suppress] = ()
-    """Parts whose walls the mesh has by itself: what a conversion found."""
-    contents: Annotated[tuple[str, ...], tyro.conf.Suppress] = ()
-    """Material of parts that are what walls hold, NAME=MATERIAL: what a conversion made."""
-
-    def geometry(self) -> dict[str, Any]:
-        """Return what the tetrahedraliser makes of it: walls [m] of parts that hold nothing."""
-        walls, full = self.by_part(), self.fillings()
-        hollow = {name: wall for name, wall in walls.items() if wall and EVERY not in full}
-        return {
-            "wall": None if EVERY in full or self.solid else self.wall,
-            "part_wall": hollow,
-            "solid": (
-                *full,
-                *self.held,
-                *pairs(self.contents),
-                *(name for name, wall in walls.items() if wall is None),
-            ),
-        }
-
-    def wall_of(self, part: str) -> float | None:
-        """Return the wall [m] that is said of a part, None where it is solid or nothing is said."""
-        return self.by_part().get(part, None if self.solid else self.wall)
-
-    def filling_of(self, part: str) -> str | None:
-        """Return the material that a part is said to be full of."""
-        full = self.fillings()
-        return full.get(part, full.get(EVERY))
-
-    def by_part(self) -> dict[str, float | None]:
-        """Return the walls [m] of single parts, None for solid ones."""
-        walls: dict[str, float | None] = {}
-        for name, value in pairs(self.part_wall).items():
-            try:
-                walls[name] = None if value == "solid" else float(value)
-            except ValueError as error:
-                raise UsageError(
-                    f"wanted a wall in metres, NAME=0.003, or NAME=solid, got {value!r}"
-                ) from error
-        return walls
-
-    def fillings(self) -> dict[str, str]:
-        """Return the material that each part is full of; ``EVERY`` stands for all."""
-        return pairs([said if "=" in said else f"{EVERY}={said}" for said in self.fill])
 
 
 # What the parts of a mesh are called, and what a text says that they are and hold.

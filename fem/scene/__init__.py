@@ -7,5 +7,4 @@ Read: scene, supports, loads, obstacles, conditions, up.
 
 from typing import Literal
 
-# The axes that may point up, for whoever loads nothing else.
-UpAxis = Literal["x", "y", "z", "-x", "-y", "-z"]
+UpAxis = Literal["x", "y", "z", "-x", "-y", "-z"]  # that points up

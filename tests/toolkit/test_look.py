@@ -7,8 +7,8 @@ import pytest
 import trimesh
 from autophyx_tet.fem.mesh import box_mesh
 from autophyx_tet.predictors.asset import Asset, Part
-from autophyx_tet.toolkit.report.content import MOST, look_of
 from autophyx_tet.toolkit.report.html import payload, write_report
+from autophyx_tet.toolkit.report.pages import MOST, look_of
 
 from .browser import Visit
 from .test_report import bar, case, content

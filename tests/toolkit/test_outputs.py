@@ -126,7 +126,7 @@ def test_a_folder_is_written_whole_or_not_at_all(tmp_path):
 
 def test_the_picture_is_drawn_beside_the_report(box, tmp_path, monkeypatch):
     """Each waits for the other to begin; a picture that fails leaves no folder."""
-    began, page, draw = (Event(), Event()), folder.run_page, folder._write_picture
+    began, page, draw = (Event(), Event()), folder.run_page, folder.render_png
 
     def meet(mine, yours):
         mine.set()
@@ -136,16 +136,16 @@ def test_the_picture_is_drawn_beside_the_report(box, tmp_path, monkeypatch):
         meet(*began)
         return page(*given, **known)
 
-    def slow_picture(*given):
+    def slow_picture(*given, **known):
         meet(*began[::-1])
-        return draw(*given)
+        return draw(*given, **known)
 
     monkeypatch.setattr(folder, "run_page", slow_page)
-    monkeypatch.setattr(folder, "_write_picture", slow_picture)
+    monkeypatch.setattr(folder, "render_png", slow_picture)
     made = pipeline.run(box, ["oak"], output=tmp_path / "out")
     assert [path.name for path in made.files][-3:] == ["picture.png", "report.html", "run.json"]
     assert all(path.is_file() for path in made.files)
-    monkeypatch.setattr(folder, "_write_picture", lambda *_: 1 / 0)
+    monkeypatch.setattr(folder, "render_png", lambda *_, **__: 1 / 0)
     with pytest.raises(ZeroDivisionError):
         pipeline.run(box, ["oak"], output=tmp_path / "none")
     assert not (tmp_path / "none").exists()

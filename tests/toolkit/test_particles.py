@@ -21,7 +21,7 @@ from autophyx_tet.predictors.grid import Grid
 from autophyx_tet.toolkit.cli.main import main
 from autophyx_tet.toolkit.options import SimulateOptions
 from autophyx_tet.toolkit.pipeline import simulate
-from autophyx_tet.toolkit.simulation.matter import flowing_substances, substances
+from autophyx_tet.toolkit.simulation.scenario import flowing_substances, substances
 from PIL import Image
 
 from ..converters.test_driving import splats

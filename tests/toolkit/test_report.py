@@ -12,8 +12,14 @@ from autophyx_tet.fem.errors import InputError
 from autophyx_tet.fem.material import ElementMaterial
 from autophyx_tet.fem.mesh import box_mesh
 from autophyx_tet.fem.table import Span
-from autophyx_tet.toolkit.report.content import Case, PartRow, ReportContent
-from autophyx_tet.toolkit.report.html import payload, report_page, write_report
+from autophyx_tet.toolkit.report.html import (
+    Case,
+    PartRow,
+    ReportContent,
+    payload,
+    report_page,
+    write_report,
+)
 from autophyx_tet.toolkit.verdict.verdict import Verdict, area_words, mass_words, si, volume_words
 
 HOSTILE = (

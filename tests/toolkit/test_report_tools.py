@@ -7,8 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from autophyx_tet.converters.mesh.meshdata import read_mesh
-from autophyx_tet.toolkit.report.content import ReportContent
-from autophyx_tet.toolkit.report.html import write_report
+from autophyx_tet.toolkit.report.html import ReportContent, write_report
 from autophyx_tet.toolkit.verdict.description import Acting
 
 from .browser import Visit

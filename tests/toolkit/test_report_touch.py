@@ -12,9 +12,8 @@ from autophyx_tet.fem.solve.schemes import Kinematics, Scheme, Step
 from autophyx_tet.toolkit.asset.document import Sidecar
 from autophyx_tet.toolkit.pipeline import simulate
 from autophyx_tet.toolkit.report import pages
-from autophyx_tet.toolkit.report.content import FINGER, Case, ReportContent, shown, touch_of
-from autophyx_tet.toolkit.report.html import write_report
-from autophyx_tet.toolkit.report.pages import simulation_page
+from autophyx_tet.toolkit.report.html import Case, ReportContent, write_report
+from autophyx_tet.toolkit.report.pages import FINGER, shown, simulation_page, touch_of
 
 from .browser import Visit
 

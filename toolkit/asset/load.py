@@ -7,13 +7,14 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from ...fem.errors import InputError, NoVolumeError, UsageError
 from ...fem.mesh import USUAL_SIZE
 from ...predictors.asset import Asset, Part, UpAxis
+from . import Unit
 from .child import ChildFailure, run_guarded
 from .formats import ASSET_FORMATS, AssetContent, NamedSurface, References, read_content
 from .triangles import Places
@@ -340,7 +341,4 @@ def guessed_share(mesh: trimesh.Trimesh, cloud: Places) -> float:
     return float(mesh.area_faces[far].sum() / mesh.area)
 
 
-# Units of length that a file may be in, for files that do not say so themselves.
-
-Unit = Literal["mm", "cm", "m", "in"]
 METRES: Mapping[Unit, float] = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254}

@@ -1,7 +1,8 @@
-"""Commands that make a mesh with E, nu and rho and load it."""
+"""The commands: each names its options, the verb that it calls, and what a terminal shows of it."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any
@@ -9,9 +10,9 @@ from typing import Annotated, Any
 import tyro
 
 from ...converters.registry import PROGRAMS
-from ..batch import BatchOptions
 from ..options import (
     AssignOptions,
+    BatchOptions,
     Common,
     ConvertOptions,
     ExportOptions,
@@ -22,10 +23,14 @@ from ..options import (
     SimulateOptions,
     TransferOptions,
     UpAxis,
+    WallOptions,
     choice,
 )
-from ..report.html import show_in_window
-from ..walls import WallOptions
+from . import terminal
+
+Meshing = Annotated[Flat[ConvertOptions], tyro.conf.arg(name="meshing")]
+Materials = Annotated[Flat[AssignOptions], tyro.conf.arg(name="materials")]
+Solving = Annotated[Flat[SimulateOptions], tyro.conf.arg(name="solving")]
 
 
 @dataclass(frozen=True)
@@ -43,22 +48,24 @@ class ConvertCommand:
     """Say what would be done and estimate tets, time and memory; write nothing."""
     quality: bool = False
     """Print a table of the tets' angles, ratios, altitudes and explicit time step."""
-    options: Annotated[Flat[ConvertOptions], tyro.conf.arg(name="meshing")] = field(
-        default_factory=ConvertOptions
-    )
+    options: Meshing = field(default_factory=ConvertOptions)
     walls: Flat[WallOptions] = field(default_factory=WallOptions)
     common: Flat[Common] = field(default_factory=Common)
+
+    @property
+    def shown(self) -> Callable[[terminal.Document], terminal.Shown]:
+        """What a terminal shows of the document."""
+        return terminal.plan if self.dry_run else terminal.conversion
 
     def __call__(self) -> dict[str, Any]:
         """Run the command and return its document."""
         from ..pipeline import convert
-        from .terminal import progress
 
         if self.dry_run:
             from ..estimate import plan
 
             return plan(self.asset, self.options, output=self.output)
-        with progress(quiet=self.common.quiet) as tell:
+        with terminal.progress(quiet=self.common.quiet) as tell:
             made = convert(
                 self.asset,
                 output=self.output,
@@ -87,11 +94,11 @@ class AssignCommand:
     """The asset the mesh came from: its node and material names are read again."""
     field_output: Annotated[Path | None, tyro.conf.arg(name="field")] = None
     """Also write the voxel field, as .npz."""
-    options: Annotated[Flat[AssignOptions], tyro.conf.arg(name="materials")] = field(
-        default_factory=AssignOptions
-    )
+    options: Materials = field(default_factory=AssignOptions)
     walls: Flat[WallOptions] = field(default_factory=WallOptions)
     common: Flat[Common] = field(default_factory=Common)
+
+    shown = staticmethod(terminal.assignment)
 
     def __call__(self) -> dict[str, Any]:
         """Run the command and return its document."""
@@ -134,17 +141,16 @@ class SimulateCommand:
     """Picture to write too: .png (the last state), .gif or .webp (the motion)."""
     up: UpAxis | None = None
     """Axis that points up; by default what the mesh's sidecar says, else z."""
-    options: Annotated[Flat[SimulateOptions], tyro.conf.arg(name="solving")] = field(
-        default_factory=SimulateOptions
-    )
+    options: Solving = field(default_factory=SimulateOptions)
     common: Flat[Common] = field(default_factory=Common)
+
+    shown = staticmethod(terminal.simulation)
 
     def __call__(self) -> dict[str, Any]:
         """Run the command and return its document."""
         from ..pipeline import simulate
-        from .terminal import progress
 
-        with progress(quiet=self.common.quiet) as tell:
+        with terminal.progress(quiet=self.common.quiet) as tell:
             return simulate(
                 self.mesh,
                 up=self.up,
@@ -179,22 +185,20 @@ class RunCommand:
     """Every text from soft to stiff: the report has a dial (--alpha 0, .5, 1)."""
     dry_run: bool = False
     """Say what would be done and estimate tets, time and memory; write nothing."""
-    convert: Annotated[Flat[ConvertOptions], tyro.conf.arg(name="meshing")] = field(
-        default_factory=ConvertOptions
-    )
+    convert: Meshing = field(default_factory=ConvertOptions)
     walls: Flat[WallOptions] = field(default_factory=WallOptions)
-    assign: Annotated[Flat[AssignOptions], tyro.conf.arg(name="materials")] = field(
-        default_factory=AssignOptions
-    )
-    simulate: Annotated[Flat[SimulateOptions], tyro.conf.arg(name="solving")] = field(
-        default_factory=SimulateOptions
-    )
+    assign: Materials = field(default_factory=AssignOptions)
+    simulate: Solving = field(default_factory=SimulateOptions)
     common: Flat[Common] = field(default_factory=Common)
+
+    @property
+    def shown(self) -> Callable[[terminal.Document], terminal.Shown]:
+        """What a terminal shows of the document."""
+        return terminal.plan if self.dry_run else terminal.run
 
     def __call__(self) -> dict[str, Any]:
         """Run the command and return its document."""
         from ..pipeline import run
-        from .terminal import progress
 
         if self.dry_run:
             from ..estimate import plan
@@ -206,7 +210,7 @@ class RunCommand:
                 texts=self.text or ("",),
                 simulate=self.simulate,
             )
-        with progress(quiet=self.common.quiet) as tell:
+        with terminal.progress(quiet=self.common.quiet) as tell:
             result = run(
                 self.asset,
                 self.text or ("",),
@@ -239,10 +243,10 @@ class ReduceCommand:
     """Runs to answer, .csv, a row each: factors to E by part, `load`; gravity `gx`, `gy`, `gz`."""
     up: UpAxis | None = None
     """Axis that points up; by default what the mesh's sidecar says, else z."""
-    options: Annotated[Flat[SimulateOptions], tyro.conf.arg(name="solving")] = field(
-        default_factory=SimulateOptions
-    )
+    options: Solving = field(default_factory=SimulateOptions)
     common: Flat[Common] = field(default_factory=Common)
+
+    shown = staticmethod(terminal.reduction)
 
     def __call__(self) -> dict[str, Any]:
         """Run the command and return its document."""
@@ -272,23 +276,19 @@ class MatchCommand:
     """Fit Poisson's ratio too: it is hard to tell from E, see the correlation."""
     up: UpAxis | None = None
     """Axis that points up; by default what the mesh's sidecar says, else z."""
-    options: Annotated[Flat[SimulateOptions], tyro.conf.arg(name="solving")] = field(
-        default_factory=SimulateOptions
-    )
+    options: Solving = field(default_factory=SimulateOptions)
     common: Flat[Common] = field(default_factory=Common)
+
+    shown = staticmethod(terminal.match)
 
     def __call__(self) -> dict[str, Any]:
         """Run the command and return its document."""
         from ..simulation.reducing import match
-        from .terminal import progress
 
         known = {"up": self.up, "options": self.options, "with_nu": self.with_nu}
         ends = {"to_stiff": self.to_stiff, "output": self.output}
-        with progress(quiet=self.common.quiet) as tell:
+        with terminal.progress(quiet=self.common.quiet) as tell:
             return match(self.mesh, self.to, progress=tell, **ends, **known).document()
-
-
-# Commands that take E, nu and rho elsewhere: to other carriers, to other programs.
 
 
 @dataclass(frozen=True)
@@ -311,6 +311,11 @@ class TransferCommand:
         default_factory=TransferOptions
     )
     common: Flat[Common] = field(default_factory=Common)
+
+    @property
+    def shown(self) -> Callable[[terminal.Document], terminal.Shown]:
+        """What a terminal shows of the document."""
+        return terminal.driven if self.motion else terminal.transfer
 
     def __call__(self) -> dict[str, Any]:
         """Run the command and return its document."""
@@ -347,15 +352,14 @@ class ExportCommand:
     )
     common: Flat[Common] = field(default_factory=Common)
 
+    shown = staticmethod(terminal.export)
+
     def __call__(self) -> dict[str, Any]:
         """Run the command and return its document."""
         from ..transfer import export
 
         result = export(self.mesh, self.target, output=self.output, options=self.options)
         return result.document()
-
-
-# The command that runs many assets.
 
 
 @dataclass(frozen=True)
@@ -381,12 +385,13 @@ class BatchCommand:
     )
     common: Flat[Common] = field(default_factory=Common)
 
+    shown = staticmethod(terminal.batch)
+
     def __call__(self) -> dict[str, Any]:
         """Run the command and return its document."""
         from ..batch import batch
-        from .terminal import counted
 
-        with counted(quiet=self.common.quiet) as tell:
+        with terminal.counted(quiet=self.common.quiet) as tell:
             return batch(
                 self.manifest,
                 output=self.output,
@@ -394,9 +399,6 @@ class BatchCommand:
                 run_config=self.run_config,
                 progress=tell,
             ).document()
-
-
-# Commands that only look: an asset from all sides, the material table, a mesh, this machine.
 
 
 @dataclass(frozen=True)
@@ -414,6 +416,8 @@ class FeaturesCommand:
         default_factory=FeatureOptions
     )
     common: Flat[Common] = field(default_factory=Common)
+
+    shown = staticmethod(terminal.features)
 
     def __call__(self) -> dict[str, Any]:
         """Run the command and return its document."""
@@ -436,6 +440,8 @@ class MaterialsCommand:
     """List what fills things (water, coffee, books) instead of what they are made of."""
     common: Flat[Common] = field(default_factory=Common)
 
+    shown = staticmethod(terminal.materials)
+
     def __call__(self) -> dict[str, Any]:
         """Run the command and return its document."""
         from ..listing import materials
@@ -454,6 +460,8 @@ class InfoCommand:
     """Mesh to look at: .msh, .vtu or .vtk."""
     common: Flat[Common] = field(default_factory=Common)
 
+    shown = staticmethod(terminal.info)
+
     def __call__(self) -> dict[str, Any]:
         """Run the command and return its document."""
         from ..listing import info
@@ -470,14 +478,13 @@ class DoctorCommand:
 
     common: Flat[Common] = field(default_factory=Common)
 
+    shown = staticmethod(terminal.doctor)
+
     def __call__(self) -> dict[str, Any]:
         """Run the command and return its document."""
         from ..listing import doctor
 
         return doctor()
-
-
-# The command that shows a result in a window.
 
 
 @dataclass(frozen=True)
@@ -495,7 +502,11 @@ class ViewCommand:
     """Write this .png instead of opening a window."""
     common: Flat[Common] = field(default_factory=Common)
 
+    shown = staticmethod(terminal.nothing)
+
     def __call__(self) -> dict[str, Any]:
         """Run the command and return its document."""
+        from ..report.html import show_in_window
+
         show_in_window(self.result, colour=self.colour, picture=self.picture)
         return {"files": [] if self.picture is None else [self.picture], "warnings": []}

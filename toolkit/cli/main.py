@@ -7,7 +7,7 @@ import logging
 import os
 import sys
 import traceback
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import MISSING, dataclass, field, fields, is_dataclass, replace
 from difflib import get_close_matches
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 
 
 EXIT_BUG = 1
+INTERRUPTED = "interrupted; nothing half-written was left"
 EXIT_INTERRUPTED = 130
 EXIT_PIPE = 141  # what shells return when nobody reads any more: `--help | head`
 # Verb -> its options, loaded when it is called: the last three are of `research`.
@@ -81,7 +82,7 @@ def main(arguments: list[str] | None = None) -> int:
         try:
             command = _parse(given)
         except AutophyxError as error:
-            _say(f"autophyx-tet: {_one_line(error)}")
+            _say(" ".join(str(error).split()))
             return error.exit_code
         common: Common = command.common
         if common.print_config:
@@ -110,10 +111,11 @@ def _parse(given: list[str]) -> Any:
         joined.append(word)
     given = joined
     commands: dict[str, Any] = dict(COMMANDS)
-    help_wanted = asked(given) if verb in COMMANDS else ""
-    if help_wanted == WHOLE:
+    whole = verb in COMMANDS and WHOLE in given
+    short = verb in COMMANDS and not whole and any(word in BRIEF for word in given)
+    if whole:
         given = [verb, "--help"]
-    elif help_wanted:
+    elif short:
         commands[verb] = brief(commands[verb])
     try:
         return tyro.extras.subcommand_cli_from_dict(
@@ -124,21 +126,17 @@ def _parse(given: list[str]) -> Any:
             config=(tyro.conf.DisallowNone,),
         )
     except SystemExit as stop:
-        if stop.code and (lone := lone_sentence(verb, given)):
-            _say(f"autophyx-tet: {lone!r} stands alone: a sentence goes behind --text {lone!r}")
+        if stop.code and verb in ("run", "assign"):
+            # a sentence that stands in the place of a file
+            for before, word in pairwise(given):
+                alone = " " in word and not word.startswith("-") and before[:1] != "-"
+                if alone and not Path(word).exists():
+                    _say(f"{word!r} stands alone: a sentence goes behind --text {word!r}")
+                    break
         raise
     finally:
-        if help_wanted in BRIEF:
+        if short:
             sys.stdout.write(f"Every option: autophyx-tet {verb} {WHOLE}\n")
-
-
-def lone_sentence(verb: str, given: list[str]) -> str:
-    """Return the sentence that stands in the place of a file, of a verb that takes one, or none."""
-    if verb not in ("run", "assign"):
-        return ""
-    pairs = pairwise(given)
-    lone = (w for before, w in pairs if " " in w and not w.startswith("-") and before[:1] != "-")
-    return next((word for word in lone if not Path(word).exists()), "")
 
 
 def _call(command: Any, common: Common) -> int:
@@ -146,67 +144,42 @@ def _call(command: Any, common: Common) -> int:
     try:
         with piped(command) as real:
             document = real()
-    except AutophyxError as error:
-        _trace(common)
-        _say(f"autophyx-tet: {_one_line(error)}")
-        return error.exit_code
     except KeyboardInterrupt:
-        _say("autophyx-tet: interrupted; nothing half-written was left")
+        _say(INTERRUPTED)
         return EXIT_INTERRUPTED
-    except MemoryError as error:
-        _trace(common)
-        _say(f"autophyx-tet: out of memory: {_one_line(error) or 'no more could be had'}")
-        return EXIT_BUG
     except Exception as error:
-        if was_interrupted():
-            _say("autophyx-tet: interrupted; nothing half-written was left")
+        said, code = " ".join(str(error).split()), EXIT_BUG
+        if isinstance(error, AutophyxError):
+            code = error.exit_code
+        elif isinstance(error, MemoryError):
+            said = f"out of memory: {said or 'no more could be had'}"
+        elif was_interrupted():
+            _say(INTERRUPTED)
             return EXIT_INTERRUPTED
-        _trace(common)
-        _say(
-            f"autophyx-tet: a bug: {type(error).__name__}: {_one_line(error)} "
-            "(run again with --traceback and report it)"
-        )
-        return EXIT_BUG
-    _show(document, common, silent=writes_to_stdout(command))
+        else:
+            kind = type(error).__name__
+            said = f"a bug: {kind}: {said} (run again with --traceback and report it)"
+        if common.traceback:
+            traceback.print_exc()
+        _say(said)
+        return code
+    from ..asset.document import SCHEMA, dumps
+
+    to_stdout = _writes_to_stdout(command)
+    if common.json and not to_stdout:
+        sys.stdout.write(dumps({"schema": SCHEMA, **document}) + "\n")
+    if not common.quiet:
+        from .terminal import show, warn
+
+        if common.json or to_stdout:
+            warn(document)
+        else:
+            show(document, command.shown)
     return 0
 
 
-def _trace(common: Common) -> None:
-    if common.traceback:
-        traceback.print_exc()
-
-
-def _one_line(error: BaseException) -> str:
-    return " ".join(str(error).split())
-
-
 def _say(line: str) -> None:
-    sys.stderr.write(line + "\n")
-
-
-def _show(document: dict[str, Any], common: Common, *, silent: bool) -> None:
-    """Print what was found; with a ``silent`` stdout its warnings alone."""
-    from ..asset.document import SCHEMA, dumps
-
-    if silent:
-        from .terminal import warn
-
-        return None if common.quiet else warn(document)
-
-    if common.json:
-        from .terminal import warn
-
-        sys.stdout.write(dumps({"schema": SCHEMA, **document}) + "\n")
-        if not common.quiet:
-            warn(document)
-    elif not common.quiet:
-        from .terminal import show
-
-        show(document)
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+    sys.stderr.write(f"autophyx-tet: {line}\n")
 
 
 # What --help shows: the options that most calls want; --help-all shows every one.
@@ -221,13 +194,6 @@ RARE = frozenset(
     "print_config scene seed self_contact solid squeeze_share stiff supports table tear_share "
     "threads time_limit to_stiff torque touch traceback views wind_speed with_nu".split()
 )
-
-
-def asked(words: Sequence[str]) -> str:
-    """Return which help ``words`` of the command line ask for, BRIEF or WHOLE, or nothing."""
-    if WHOLE in words:
-        return WHOLE
-    return next((word for word in words if word in BRIEF), "")
 
 
 def brief(command: type) -> type:
@@ -255,7 +221,7 @@ _INPUTS = ("mesh", "file")  # what commands call a mesh that they read
 _WRITERS = ("ConvertCommand", "AssignCommand")
 
 
-def writes_to_stdout(command: Any) -> bool:
+def _writes_to_stdout(command: Any) -> bool:
     """Whether the result goes to stdout, where nothing else may be told then."""
     return getattr(command, "output", None) == DASH
 
@@ -270,7 +236,7 @@ def piped(command: Any) -> Iterator[Any]:
         Where stdout has two things to hold, or what goes there is no mesh.
     """
     reads = [name for name in _INPUTS if getattr(command, name, None) == DASH]
-    writes = writes_to_stdout(command)
+    writes = _writes_to_stdout(command)
     if not reads and not writes:
         yield command
         return
@@ -285,3 +251,7 @@ def piped(command: Any) -> Iterator[Any]:
         if writes:
             sys.stdout.buffer.write(files["output"].read_bytes())
             sys.stdout.flush()
+
+
+if __name__ == "__main__":
+    sys.exit(main())

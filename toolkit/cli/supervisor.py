@@ -44,29 +44,34 @@ def main() -> int:
 
 
 def _command(parent: int, folder: str, watched: set[signal.Signals]) -> NoReturn:
-    """The child's side: the command, with its temporary files in ``folder``."""
+    """The child's side: the command, with its temporary files in ``folder``; dies with the parent.
+
+    It ends at once: to take its memory apart first takes half a second.
+    """
+    interrupted = BY_SIGNAL + signal.SIGINT
     try:
-        from ..asset.guard import on_interrupt
+        import tempfile
+
+        from ...converters.files import UNFINISHED_LIST
+        from ..asset.guard import die_with, on_interrupt
 
         if signal.SIGINT in watched:
             signal.signal(signal.SIGINT, on_interrupt)
         signal.pthread_sigmask(signal.SIG_UNBLOCK, watched)
-        _settle(parent, folder)
+        die_with(parent)
+        if folder:
+            os.environ["TMPDIR"] = tempfile.tempdir = folder
+            os.environ[UNFINISHED_LIST] = os.path.join(folder, LIST)
         gc.set_threshold(GARBAGE)
         from .main import main as command
 
         code = command()
     except KeyboardInterrupt:  # before the command could answer it
         _say("interrupted; nothing half-written was left")
-        code = BY_SIGNAL + signal.SIGINT
+        code = interrupted
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    _end(code)
-
-
-def _end(code: int) -> NoReturn:
-    """End this process at once: to take its memory apart first takes half a second."""
     try:
-        if code != BY_SIGNAL + signal.SIGINT:  # whose time is short
+        if code != interrupted:  # whose time is short
             atexit._run_exitfuncs()
         sys.stdout.flush()
         sys.stderr.flush()
@@ -78,21 +83,11 @@ def _end(code: int) -> NoReturn:
     os._exit(code)
 
 
-def _settle(parent: int, folder: str) -> None:
-    """Die with the parent; use the folder."""
-    import tempfile
-
-    from ...converters.files import UNFINISHED_LIST
-    from ..asset.guard import die_with
-
-    die_with(parent)
-    if folder:
-        os.environ["TMPDIR"] = tempfile.tempdir = folder
-        os.environ[UNFINISHED_LIST] = os.path.join(folder, LIST)
-
-
 def _watch(child: int, watched: set[signal.Signals]) -> int:
-    """Wait for the end of the child, which comes soon after the first signal to stop."""
+    """Wait for the end of the child, which comes soon after the first signal to stop.
+
+    Returns the exit code for the shell; a child that was killed could not say so itself.
+    """
     from time import monotonic
 
     stop, since, left = None, 0.0, list(MEANS)
@@ -102,11 +97,7 @@ def _watch(child: int, watched: set[signal.Signals]) -> int:
             stop, since = signal.Signals(heard.si_signo), monotonic()
         while stop is not None and left and monotonic() - since >= left[0][0]:
             os.kill(child, left.pop(0)[1])
-    return _exit_code(os.waitstatus_to_exitcode(end[1]), stop)
-
-
-def _exit_code(code: int, stop: signal.Signals | None) -> int:
-    """Exit code for the shell; a child that was killed could not say so itself."""
+    code = os.waitstatus_to_exitcode(end[1])
     if stop is None and code < 0:
         killed = signal.Signals(-code)
         why = ", perhaps for want of memory" if killed == signal.SIGKILL else ": a bug, report it"
@@ -126,13 +117,19 @@ def _say(words: str) -> None:
 def _scratch() -> str:
     """Return a new folder, locked until the last of our processes ends; "" for want of room."""
     import tempfile
+    import time
 
     with suppress(OSError):
         folder = tempfile.mkdtemp(prefix=PREFIX)
         _lock(folder)
         for other in os.scandir(tempfile.gettempdir()):
-            if other.name.startswith(PREFIX) and _abandoned(other):
-                _clear(other.path)
+            if not other.name.startswith(PREFIX):
+                continue
+            with suppress(OSError):  # another one's, or removed meanwhile
+                known = other.stat(follow_symlinks=False)
+                old = time.time() - known.st_mtime > ABANDONED
+                if old and known.st_uid == os.getuid() and other.is_dir() and _lock(other.path):
+                    _clear(other.path)
         return folder
     return ""
 
@@ -148,16 +145,6 @@ def _lock(folder: str) -> bool:
         os.close(handle)
         return False
     return True
-
-
-def _abandoned(folder: os.DirEntry[str]) -> bool:
-    import time
-
-    with suppress(OSError):  # another one's, or removed meanwhile
-        known = folder.stat(follow_symlinks=False)
-        old = time.time() - known.st_mtime > ABANDONED
-        return old and known.st_uid == os.getuid() and folder.is_dir() and _lock(folder.path)
-    return False
 
 
 def _clear(folder: str) -> None:

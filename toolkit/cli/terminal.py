@@ -1,54 +1,58 @@
-"""What a person sees in the terminal: tables and sentences instead of JSON."""
+"""What a person sees in the terminal: tables and sentences instead of JSON.
+
+Each command names the function here that yields the tables and lines of its document.
+"""
 
 from __future__ import annotations
 
 import re
 import sys
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from threading import Event, Thread
 from typing import TYPE_CHECKING, Any
-
-import numpy as np
 
 from ..options import EXPECTED
 
 if TYPE_CHECKING:
     from rich.table import Table
+    from rich.text import Text
 
     from ..batch import Outcome
     from ..verdict.verdict import Verdict
 
+Document = Mapping[str, Any]
+Shown = Iterator["Table | Text | str"]  # what `show` prints of a document, in order
 
 MATTER = {"E": "E [Pa]", "nu": "nu", "rho": "kg/m³"}
 PARTS = {"name": "part", "material": "material", **MATTER, "mass": "mass [kg]", "why": "because"}
-WORDS = {"word": "word", "voxels": "voxels"}
-REGIONS = {"name": "part", "tets": "tets", "volume": "volume [m³]"}
-MATERIALS = {"name": "material", "category": "category"} | MATTER
 _FRAME = re.compile(r"_(\d{5})(\.\w+)$")  # what frames of a motion are called
 _FORMATS = {"rho": ".4g"}  # of numbers that three digits do not hold
 
 
-def show(document: Mapping[str, Any]) -> None:
-    """Print a result's document: tables, then what was found, the files and the warnings."""
+def show(document: Document, lines: Callable[[Document], Shown]) -> None:
+    """Print what ``lines`` yields of a document, its files, and its warnings on stderr."""
     from rich.console import Console
+    from rich.table import Table
 
     console = Console(highlight=False)
-    cases = document.get("cases", ())
-    for case in cases if len(cases) > 1 else [document]:
-        if case is not document:
-            console.print(f"\n{case['text']!r}", markup=False, style="bold", soft_wrap=True)
-        for table in _tables(case):
-            console.print(table)
-        for line in _lines(case):
-            console.print(line, markup=False, soft_wrap=True)
-    for path in _told_once(document.get("files", ())):
-        console.print("wrote", path, markup=False, soft_wrap=True)
+    for shown in lines(document):
+        if isinstance(shown, Table):
+            console.print(shown)
+        else:
+            console.print(shown, markup=False, soft_wrap=True)
+    # every file, but the frames of a motion as one
+    files: dict[str, list[str]] = {}
+    for path in map(str, document.get("files", ())):
+        files.setdefault(_FRAME.sub(r"_*\2", path), []).append(path)
+    for first, *others in files.values():
+        frames = f" ... {len(others) + 1} frames" if others else ""
+        console.print(f"wrote {first}{frames}", markup=False, soft_wrap=True)
     warn(document)
 
 
-def warn(document: Mapping[str, Any]) -> None:
+def warn(document: Document) -> None:
     """Print a document's warnings on stderr."""
     from rich.console import Console
 
@@ -58,100 +62,136 @@ def warn(document: Mapping[str, Any]) -> None:
         )
 
 
-def _tables(document: Mapping[str, Any]) -> Iterator[Table]:
-    """Parts, materials, regions of a mesh file, quality, or the scores of `evaluate`."""
-    parts = document.get("parts")
-    if isinstance(parts, Mapping):  # labels of voxels by words
-        yield _table([{"word": w, "voxels": n} for w, n in parts["voxels"].items()], WORDS)
-    elif parts:
-        yield _table(parts, PARTS)
-    if document.get("materials"):
-        yield _table(document["materials"], MATERIALS)
-    if "file" in document:
-        known = document["regions"] and "E" in document["regions"][0]
-        yield _table(document["regions"], REGIONS | (MATTER if known else {}))
-    if rows := document.get("quality_rows"):
-        yield _table(rows, {name: name for name in rows[0]})
-    if "papers" in document:
-        yield _table(document["rows"], _scalars(document["rows"]))
-    for key in ("shares", "reasons", "biases"):  # of an audit of ranges
-        if rows := document.get(key):
-            yield _table(rows, _scalars(rows))
+def nothing(_: Document) -> Shown:
+    """Files and warnings alone."""
+    yield from ()
 
 
-def _lines(document: Mapping[str, Any]) -> Iterator[str]:
-    yield from _totals(document)
-    yield from _machine(document)
-    yield from _batch(document)
-    yield from _plan(document)
-    yield from _learning(document)
-    for verb in ("reduced", "match"):
-        if verb in document:
-            yield document[verb]["summary"]
-    yield from _driven(document.get("drive", document))
-
-
-def _told_once(files: Iterable[Any]) -> Iterator[str]:
-    """Every file, but the frames of a motion as one."""
-    groups: dict[str, list[str]] = {}
-    for path in map(str, files):
-        groups.setdefault(_FRAME.sub(r"_*\2", path), []).append(path)
-    for first, *others in groups.values():
-        yield f"{first} ... {len(others) + 1} frames" if others else first
-
-
-def _batch(document: Mapping[str, Any]) -> Iterator[str]:
-    """The counts of a batch."""
-    if "assets" in document:
-        yield (
-            f"{document['assets']} assets: {document['done']} done, {document['failed']} failed; "
-            f"{document['new']} were run this time"
-        )
-
-
-def _learning(document: Mapping[str, Any]) -> Iterator[str]:
-    """What was built, drawn or trained."""
-    if "clauses" in document:
-        yield f"{document['clauses']:,} clauses, {document['real_objects']:,} real objects"
-    for sample in document.get("samples", ()):
-        yield f"{sample['object']}: {'; '.join(sample['clauses'])}"
-    if "history" in document:
-        yield f"trained for {document['steps']:,} steps"
-
-
-def _driven(document: Mapping[str, Any]) -> Iterator[str]:
-    """What moved with the mesh."""
-    if "moved" in document:
-        yield (
-            f"{document['moved']:,} moved over {document['frames']} frames; "
-            f"{document['outside']:,} outside the mesh follow its nearest tet"
-        )
-
-
-def _plan(document: Mapping[str, Any]) -> Iterator[str]:
+def plan(document: Document) -> Shown:
     """The steps of a dry run and what they may cost."""
-    if "dry_run" not in document:
-        return
     yield from (f"would {step}" for step in document["steps"])
-    for name, found in document["estimates"].items():
+    for name, cost in document["estimates"].items():
         unit, scale = {"memory": ("GB", 1e-9), "tets": ("tets", 1)}.get(name, ("s of a core", 1))
-        low, likely, high = (f"{scale * found[key]:,.3g}" for key in ("low", "likely", "high"))
+        low, likely, high = (f"{scale * cost[key]:,.3g}" for key in ("low", "likely", "high"))
         yield f"estimate, {name}: about {likely} {unit} ({low} to {high})"
 
 
-def _machine(document: Mapping[str, Any]) -> Iterator[str]:
-    """What `doctor` found."""
-    if "extras" not in document:
-        return
+def conversion(document: Document) -> Shown:
+    """The quality of the tets, where it was asked for, and how many there are."""
+    if rows := document.get("quality_rows"):
+        yield _table(rows, {name: name for name in rows[0]})
+    yield _size(document)
+
+
+def assignment(document: Document) -> Shown:
+    """The materials of the parts, and whether they are usual."""
+    yield _table(document["parts"], PARTS)
+    yield _size(document)
+    yield from _verdicts(document)
+
+
+def simulation(document: Document) -> Shown:
+    """How a body settles, moves or rings, with its verdicts; and what moved with it."""
+    yield _size(document)
+    yield from _answer(document)
+    if "drive" in document:
+        yield from driven(document["drive"])
+
+
+def run(document: Document) -> Shown:
+    """Of every sentence the materials and the answer."""
+    cases = document["cases"]
+    for case in cases:
+        if len(cases) > 1:
+            from rich.text import Text
+
+            yield Text(f"\n{case['text']!r}", style="bold")
+        yield _table(case["parts"], PARTS)
+        yield _size(case)
+        yield from _answer(case)
+        yield from _verdicts(case)
+
+
+def reduction(document: Document) -> Shown:
+    """A reduced body in a line."""
+    yield document["reduced"]["summary"]
+
+
+def match(document: Document) -> Shown:
+    """What was fitted in a line."""
+    yield document["match"]["summary"]
+
+
+def transfer(document: Document) -> Shown:
+    """How many places got a material."""
+    mass = f", opacity-weighted mass {document['mass']:.3g} kg" if document["mass"] else ""
+    mass += " (splats overlap: it is not the body's)" if mass else ""
+    yield f"{document['values']:,} places got E, nu and rho{mass}"
+
+
+def driven(document: Document) -> Shown:
+    """What moved with the mesh."""
+    yield (
+        f"{document['moved']:,} moved over {document['frames']} frames; "
+        f"{document['outside']:,} outside the mesh follow its nearest tet"
+    )
+
+
+def export(document: Document) -> Shown:
+    """What another program gets."""
+    yield _size(document)
+    if document["bins"]:
+        yield f"{document['bins']:,} materials for {document['for']}"
+
+
+def features(document: Document) -> Shown:
+    """Labels of voxels by words, and what was seen."""
+    if parts := document["parts"]:
+        rows = [{"word": word, "voxels": count} for word, count in parts["voxels"].items()]
+        yield _table(rows, {"word": "word", "voxels": "voxels"})
+    yield (
+        f"{document['voxels']:,} voxels, {document['seen']:,} of them seen, "
+        f"{document['channels']} channels of {document['encoder']}"
+    )
+
+
+def materials(document: Document) -> Shown:
+    """Rows of the material table."""
+    rows = document["materials"]
+    if rows:
+        yield _table(rows, {"name": "material", "category": "category"} | MATTER)
+        yield f"{len(rows)} materials; --json adds sources, aliases, strength, grain and colour"
+
+
+def info(document: Document) -> Shown:
+    """Regions, size and quality of a mesh file."""
+    regions, found = document["regions"], document["quality"]
+    columns = {"name": "part", "tets": "tets", "volume": "volume [m³]"}
+    yield _table(regions, columns | (MATTER if regions and "E" in regions[0] else {}))
+    yield _size(document)
+    none = "" if document["mass"] else "; no E, nu, rho: `assign` gives them"
+    sides = document["bounds"][1] - document["bounds"][0]
+    yield f"{' x '.join(f'{side:.3g}' for side in sides)} m{none}"
+    yield (
+        f"sharpest dihedral angle {found.dihedral_min:.3g}°, smallest altitude "
+        f"{found.altitude_min:.3g} m, {found.components} connected pieces"
+    )
+
+
+def doctor(document: Document) -> Shown:
+    """What is installed, and what is missing."""
+
+    def versions(packages: Mapping[str, str | None]) -> str:
+        return ", ".join(f"{name} {found or 'MISSING'}" for name, found in packages.items())
+
     yield (
         f"autophyx-tet {document['package']}, Python {document['python']}, {document['platform']}, "
         f"{document['cores']} cores, {document['memory'] / 1e9:.0f} GB"
     )
-    yield f"libraries: {_versions(document['libraries'])}"
+    yield f"libraries: {versions(document['libraries'])}"
     for extra, packages in document["extras"].items():
-        lacking = None in packages.values()
-        advice = f" (pip install autophyx-tet[{extra}])" if lacking else ""
-        yield f"extra {extra}: {_versions(packages)}{advice}"
+        advice = f" (pip install autophyx-tet[{extra}])" if None in packages.values() else ""
+        yield f"extra {extra}: {versions(packages)}{advice}"
     for device in document["devices"]:
         yield f"device {device['name']}: {device['what']}"
     for file in document["weights"]:
@@ -163,92 +203,68 @@ def _machine(document: Mapping[str, Any]) -> Iterator[str]:
         yield f"cache {cache['name']}: {size} in {cache['path']}"
 
 
-def _versions(packages: Mapping[str, str | None]) -> str:
-    return ", ".join(f"{name} {found or 'MISSING'}" for name, found in packages.items())
+def batch(document: Document) -> Shown:
+    """The counts of a batch."""
+    yield (
+        f"{document['assets']} assets: {document['done']} done, {document['failed']} failed; "
+        f"{document['new']} were run this time"
+    )
 
 
-def _table(rows: list[Mapping[str, Any]], columns: Mapping[str, str]) -> Table:
-    from rich.markup import escape
-    from rich.table import Table
-
-    table = Table(box=None, header_style="bold", pad_edge=False)
-    for key, title in columns.items():
-        number = all(isinstance(row[key], int | float | tuple) for row in rows)
-        table.add_column(title, justify="right" if number else "left")
-    for row in rows:
-        table.add_row(*(escape(_cell(key, row[key])) for key in columns))
-    return table
+def dataset(document: Document) -> Shown:
+    """What was built."""
+    yield f"{document['clauses']:,} clauses, {document['real_objects']:,} real objects"
 
 
-def _scalars(rows: list[Mapping[str, Any]]) -> dict[str, str]:
-    """The columns of one word or number a row, each under its own name; empty ones are left out."""
-    plain = (str, int, float, type(None))
-    columns = {name: [row[name] for row in rows] for name in rows[0]}
-    return {
-        name: name.replace("_", " ")
-        for name, cells in columns.items()
-        if all(isinstance(cell, plain) for cell in cells) and any(c is not None for c in cells)
-    }
+def samples(document: Document) -> Shown:
+    """What was drawn of a data set."""
+    for sample in document["samples"]:
+        yield f"{sample['object']}: {'; '.join(sample['clauses'])}"
 
 
-def _cell(key: str, value: Any) -> str:
-    if isinstance(value, str | int):
-        return f"{value:,}" if isinstance(value, int) else value
-    numbers = value if isinstance(value, tuple) else (value,)
-    form = _FORMATS.get(key, ".3g")
-    return " – ".join(dict.fromkeys("" if n is None else format(float(n), form) for n in numbers))
+def audit(document: Document) -> Shown:
+    """Outcomes, reasons and biases of an audit of ranges."""
+    for key in ("shares", "reasons", "biases"):
+        if document[key]:
+            yield _scores(document[key])
 
 
-def _totals(document: Mapping[str, Any]) -> Iterator[str]:
-    if found := document.get("materials"):
-        yield f"{len(found)} materials; --json adds sources, aliases, strength, grain and colour"
-    if "tets" in document:
-        mass = f", mass {document['mass']:.3g} kg" if document.get("mass") else ""
-        yield f"{document['tets']:,} tets, volume {document['volume']:.4g} m³{mass}"
-    if "file" in document:
-        found, sides = document["quality"], np.ptp(document["bounds"], axis=0)
-        none = "" if document["mass"] else "; no E, nu, rho: `assign` gives them"
-        yield f"{' x '.join(f'{side:.3g}' for side in sides)} m{none}"
-        yield (
-            f"sharpest dihedral angle {found.dihedral_min:.3g}°, smallest altitude "
-            f"{found.altitude_min:.3g} m, {found.components} connected pieces"
-        )
-    if "voxels" in document:
-        yield (
-            f"{document['voxels']:,} voxels, {document['seen']:,} of them seen, "
-            f"{document['channels']} channels of {document['encoder']}"
-        )
-    if "values" in document:
-        mass = f", opacity-weighted mass {document['mass']:.3g} kg" if document["mass"] else ""
-        mass += " (splats overlap: it is not the body's)" if mass else ""
-        yield f"{document['values']:,} places got E, nu and rho{mass}"
-    if document.get("bins"):
-        yield f"{document['bins']:,} materials for {document['for']}"
-    for kind in ("sag", "motion", "modal"):
-        if answer := document.get(kind):
-            yield from _answer(kind, answer)
-            yield from map(_verdict, answer["verdicts"])
-    yield from map(_verdict, document.get("verdicts", ()))
+def training(document: Document) -> Shown:
+    """How long it took."""
+    yield f"trained for {document['steps']:,} steps"
 
 
-def _verdict(verdict: Verdict) -> str:
+def evaluation(document: Document) -> Shown:
+    """A row a predictor."""
+    yield _scores(document["rows"])
+
+
+def _size(document: Document) -> str:
+    mass = f", mass {document['mass']:.3g} kg" if document["mass"] else ""
+    return f"{document['tets']:,} tets, volume {document['volume']:.4g} m³{mass}"
+
+
+def _verdicts(document: Document) -> Iterator[str]:
     """What was found, and what to do about it."""
     from ..verdict.verdict import MARKS
 
-    advice = f" {verdict.advice}" if verdict.advice else ""
-    return f"{MARKS[verdict.mark]} {verdict.sentence}{advice}"
+    verdict: Verdict
+    for verdict in document["verdicts"]:
+        advice = f" {verdict.advice}" if verdict.advice else ""
+        yield f"{MARKS[verdict.mark]} {verdict.sentence}{advice}"
 
 
-def _answer(kind: str, answer: Mapping[str, Any]) -> Iterator[str]:
+def _answer(document: Document) -> Iterator[str]:
+    """The numbers of a body at rest, in motion or ringing, and their verdicts."""
     from ...fem.verdicts import percent
 
-    if kind == "sag":
+    if answer := document.get("sag"):
         yield (
             f"largest displacement {answer['max_displacement']:.3g} m "
             f"({percent(answer['sag_ratio'])} of its longest side), "
             f"largest von Mises stress {answer['max_von_mises']:.3g} Pa"
         )
-    elif kind == "motion":
+    elif answer := document.get("motion"):
         yield (
             f"{answer['frames']} frames of {answer['dt']:.3g} s, "
             f"a point moves by at most {answer['max_displacement']:.3g} m, "
@@ -257,63 +273,95 @@ def _answer(kind: str, answer: Mapping[str, Any]) -> Iterator[str]:
         for number, force in enumerate(answer["max_obstacle_forces"], 1):
             yield f"obstacle {number}: at most {force:.3g} N"
     else:
+        answer = document["modal"]
         found = ", ".join(f"{frequency:.4g}" for frequency in answer["frequencies"])
         yield f"natural frequencies [Hz]: {found}"
+    yield from _verdicts(answer)
 
 
-# Progress on stderr while the engine works: a live line, or now and then one for a log.
+def _table(rows: Sequence[Mapping[str, Any]], columns: Mapping[str, str]) -> Table:
+    from rich.markup import escape
+    from rich.table import Table
+
+    def cell(key: str, value: Any) -> str:
+        if isinstance(value, str | int):
+            return f"{value:,}" if isinstance(value, int) else value
+        numbers, form = value if isinstance(value, tuple) else (value,), _FORMATS.get(key, ".3g")
+        ends = ("" if n is None else format(float(n), form) for n in numbers)
+        return " – ".join(dict.fromkeys(ends))
+
+    table = Table(box=None, header_style="bold", pad_edge=False)
+    for key, title in columns.items():
+        number = all(isinstance(row[key], int | float | tuple) for row in rows)
+        table.add_column(title, justify="right" if number else "left")
+    for row in rows:
+        table.add_row(*(escape(cell(key, row[key])) for key in columns))
+    return table
 
 
-# Seconds before the first line of a log, and between two.
+def _scores(rows: Sequence[Mapping[str, Any]]) -> Table:
+    """A table of the columns of one word or number a row; those without any are left out."""
+    plain = (str, int, float, type(None))
+    columns = {name: [row[name] for row in rows] for name in rows[0]}
+    return _table(
+        rows,
+        {
+            name: name.replace("_", " ")
+            for name, cells in columns.items()
+            if all(isinstance(cell, plain) for cell in cells) and any(c is not None for c in cells)
+        },
+    )
+
+
+# Seconds of work before the first line of a log, and between two.
 FIRST, AGAIN = 30.0, 30.0
 
 
 @contextmanager
 def progress(*, quiet: bool = False) -> Iterator[Callable[[str, float], None] | None]:
-    """Give a callback for (stage, seconds), or None where nobody would see it."""
+    """Give a callback for (stage, seconds), or None where nobody would see it.
+
+    On a terminal it is a live line on stderr; a log hears of the last stage now and then, however
+    rarely there is a new one.
+    """
     if quiet:
         yield None
         return
-    if not sys.stderr.isatty():
-        with _logged() as tell:
-            yield tell
+    if sys.stderr.isatty():
+        from rich.console import Console
+
+        console = Console(stderr=True)
+        with console.status("loading") as status:
+
+            def show(stage: str, seconds: float, /) -> None:
+                if stage.startswith(EXPECTED):
+                    console.print(stage, markup=False, highlight=False)
+                status.update(f"{stage} … {seconds:.0f} s")
+
+            yield show
         return
-    from rich.console import Console
+    began, done, last = time.monotonic(), Event(), "loading"
 
-    console = Console(stderr=True)
-    with console.status("loading") as status:
+    def write(line: str) -> None:
+        sys.stderr.write(line + "\n")
+        sys.stderr.flush()
 
-        def show(stage: str, seconds: float, /) -> None:
-            if stage.startswith(EXPECTED):
-                console.print(stage, markup=False, highlight=False)
-            status.update(f"{stage} … {seconds:.0f} s")
+    def note(stage: str, _: float) -> None:
+        nonlocal last
+        last = stage
+        if stage.startswith(EXPECTED):
+            write(stage)
 
-        yield show
-
-
-@contextmanager
-def _logged() -> Iterator[Callable[[str, float], None]]:
-    """Write the stage that was heard of last, however rarely one is."""
-    began, done, stage = time.monotonic(), Event(), "loading"
-
-    def tell(heard: str, _: float) -> None:
-        nonlocal stage
-        stage = heard
-        if heard.startswith(EXPECTED):
-            sys.stderr.write(f"{heard}\n")
-            sys.stderr.flush()
-
-    def write() -> None:
+    def repeat() -> None:
         pause = FIRST
         while not done.wait(pause):
-            sys.stderr.write(f"{stage} ... {time.monotonic() - began:.0f} s\n")
-            sys.stderr.flush()
+            write(f"{last} ... {time.monotonic() - began:.0f} s")
             pause = AGAIN
 
-    writer = Thread(target=write, daemon=True)
+    writer = Thread(target=repeat, daemon=True)
     writer.start()
     try:
-        yield tell
+        yield note
     finally:
         done.set()
         writer.join()

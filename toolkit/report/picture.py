@@ -20,7 +20,7 @@ from ...converters.points.gaussians import SH_C0, standard_columns
 from ...converters.points.table import XYZ, PointTable
 from ...converters.points.views import splat_view
 from ...fem.errors import InputError, UsageError
-from ...fem.mesh import TetMesh
+from ...fem.mesh import TetMesh, material_of
 from ...fem.scene.up import up_vector
 from ...fem.solve.result import ParticleRun
 from ...predictors.appearance.features import VoxelFeatures
@@ -129,8 +129,21 @@ def mesh_panel(
     """
     steps = np.zeros((1, *mesh.points.shape)) if displacement is None else displacement
     steps = steps.reshape(-1, *mesh.points.shape)
-    faces = mesh.boundary.faces
-    shades = _part_shades(mesh) if values is None else _shades(mesh, values, on, scale)
+    boundary = mesh.boundary
+    faces = boundary.faces
+    if values is None:  # the colour of the region behind every face
+        parts = np.array([rgb(color) for color in PARTS])
+        shades = parts[mesh.region[boundary.tet] % len(PARTS)][None, :, None]
+    elif scale is None:
+        raise UsageError("values need the scale that colours them")
+    else:  # of its tet, or one at each corner
+        count = len(mesh.tets if on == "tets" else mesh.points)
+        if values.shape[-1] != count:
+            raise InputError(f"values on {on} must have {count} columns, got {values.shape}")
+        rows = np.atleast_2d(values)
+        shades = scale.colors(
+            rows[:, boundary.tet, None] if on == "tets" else rows[:, boundary.faces]
+        )
     frames = (
         ColouredSurface(
             mesh.points + factor * steps[i % len(steps)],
@@ -140,26 +153,6 @@ def mesh_panel(
         for i in range(max(len(steps), len(shades)))
     )
     return Panel(tuple(frames), title, scale)
-
-
-def _part_shades(mesh: TetMesh) -> Float[np.ndarray, "1 faces 1 3"]:
-    """Colour of the region behind every boundary face."""
-    parts = np.array([rgb(color) for color in PARTS])
-    return parts[mesh.region[mesh.boundary.tet] % len(PARTS)][None, :, None]
-
-
-def _shades(
-    mesh: TetMesh, values: np.ndarray, on: str, scale: Scale | None
-) -> Float[np.ndarray, "frames faces corners 3"]:
-    """Colour of every boundary face: one of its tet, or one at each of its corners."""
-    if scale is None:
-        raise UsageError("values need the scale that colours them")
-    count = len(mesh.tets if on == "tets" else mesh.points)
-    if values.shape[-1] != count:
-        raise InputError(f"values on {on} must have {count} columns, got {values.shape}")
-    rows, boundary = np.atleast_2d(values), mesh.boundary
-    shown = rows[:, boundary.tet, None] if on == "tets" else rows[:, boundary.faces]
-    return scale.colors(shown)
 
 
 def exaggeration(mesh: TetMesh, displacement: Float[np.ndarray, "*frames points 3"]) -> float:
@@ -222,26 +215,28 @@ def story(
     InputError
         Where the mesh has no material.
     """
-    if mesh.material is None:
-        raise InputError("the mesh has no material yet: run `assign` first")
-    E, moved = mesh.material.E, np.linalg.norm(displacement, axis=1)
-    factor = exaggeration(mesh, displacement)
-    stiffness = Scale.around(E, label="Young's modulus", unit="Pa", palette="E", log=True)
-    sag = Scale.around(moved, label="Displacement", unit="m", palette="displacement")
-    drawn = f", drawn {factor:g} times larger" if factor > 1 else ""
-    return [
-        asset_panel(asset, title="Asset"),
-        mesh_panel(mesh, E, scale=stiffness, title="Stiffness"),
-        mesh_panel(
-            mesh,
-            moved,
-            on="points",
-            scale=sag,
-            title=f"{title}{drawn}",
-            displacement=displacement,
-            factor=factor,
-        ),
-    ]
+    panels = [_stiffness_panel(mesh), _displacement_panel(mesh, displacement, title)]
+    return [asset_panel(asset, title="Asset"), *panels]
+
+
+def _stiffness_panel(mesh: TetMesh) -> Panel:
+    E = material_of(mesh).E
+    scale = Scale.around(E, label="Young's modulus", unit="Pa", palette="E", log=True)
+    return mesh_panel(mesh, E, scale=scale, title="Stiffness")
+
+
+def _displacement_panel(mesh: TetMesh, displacement: np.ndarray, title: str) -> Panel:
+    """The moving mesh, coloured by how far its points are from where they were."""
+    moved, factor = np.linalg.norm(displacement, axis=-1), exaggeration(mesh, displacement)
+    return mesh_panel(
+        mesh,
+        moved,
+        on="points",
+        scale=Scale.around(moved, label="Displacement", unit="m", palette="displacement"),
+        title=title + (f", drawn {factor:g} times larger" if factor > 1 else ""),
+        displacement=displacement,
+        factor=factor,
+    )
 
 
 def render_png(
@@ -378,28 +373,20 @@ def _sheet(panels: Sequence[Panel], shots: Sequence[np.ndarray]) -> Image:
         pixels = (255 * shot + 0.5).astype(np.uint8)
         sheet.paste(Image.fromarray(pixels), (i * side, top))
         draw.text((i * side + side / 2, 1.6 * size), panel.title, INK, font=title, anchor="mm")
-        if panel.scale:
-            _bar(draw, panel.scale, (i * side + side // 8, top + side), 3 * side // 4, size, small)
+        if scale := panel.scale:
+            # A colour bar, its ends in words and its label between them
+            x, y, width = i * side + side // 8, top + side, 3 * side // 4
+            colors = scale.palette_at(np.linspace(0, 1, width))
+            for k, color in enumerate((255 * colors + 0.5).astype(int)):
+                draw.line([(x + k, y + size), (x + k, y + 1.7 * size)], fill=tuple(color.tolist()))
+            below = y + 2.8 * size
+            for place, value, anchor in ((0, scale.lo, "lm"), (width, scale.hi, "rm")):
+                words = si(value, scale.unit).translate(PLAIN)
+                draw.text((x + place, below), words, INK, font=small, anchor=anchor)
+            label = scale.label + (" (log)" if scale.log and not scale.single else "")
+            draw.text((x + width / 2, below), label, FAINT, font=small, anchor="mm")
     return sheet
 
-
-def _bar(draw, scale: Scale, corner: tuple[int, int], width: int, size: int, font) -> None:
-    """Colour bar from ``corner`` to the right, its ends in words and its label between them."""
-    x, y = corner
-    stops = np.array([rgb(stop) for stop in PALETTES[scale.palette]])
-    at = np.linspace(0, len(stops) - 1, width)
-    strip = np.stack([np.interp(at, np.arange(len(stops)), stops[:, k]) for k in range(3)], axis=1)
-    for i, color in enumerate((255 * strip + 0.5).astype(int)):
-        draw.line([(x + i, y + size), (x + i, y + 1.7 * size)], fill=tuple(color.tolist()))
-    below = y + 2.8 * size
-    for place, value, anchor in ((0, scale.lo, "lm"), (1, scale.hi, "rm")):
-        words = si(value, scale.unit).translate(PLAIN)
-        draw.text((x + place * width, below), words, INK, font=font, anchor=anchor)
-    label = scale.label + (" (log)" if scale.log and not scale.single else "")
-    draw.text((x + width / 2, below), label, FAINT, font=font, anchor="mm")
-
-
-# A picture of lifted features: their first three principal components as red, green and blue.
 
 CAPTION = (
     "What the image encoder sees, lifted onto voxels: the first three principal components of its "
@@ -447,7 +434,10 @@ def voxel_shell(occupied: Bool[np.ndarray, "nx ny nz"], grid: Grid) -> VoxelShel
             beside = np.roll(padded, 1 - 2 * side, axis=axis)[1:-1, 1:-1, 1:-1]
             bare = np.argwhere(occupied & ~beside)
             cells.append(bare)
-            corners.append(bare[:, None] + _square(axis, side))
+            # a unit cell's face across this axis, counter-clockwise seen from outside
+            square = np.insert([[0, 0], [1, 0], [1, 1], [0, 1]], 0, side, axis=1)
+            square = np.roll(square if side else square[::-1], axis, axis=1)
+            corners.append(bare[:, None] + square)
     quads: Int[np.ndarray, "quads 4 3"] = np.concatenate(corners)
     points, index = np.unique(quads.reshape(-1, 3), axis=0, return_inverse=True)
     index = index.reshape(-1, 4)
@@ -455,17 +445,6 @@ def voxel_shell(occupied: Bool[np.ndarray, "nx ny nz"], grid: Grid) -> VoxelShel
     world: Float[np.ndarray, "points 3"] = grid.to_world(points - 0.5)
     return VoxelShell(world, faces, np.tile(np.concatenate(cells), (2, 1)))
 
-
-def _square(axis: int, side: int) -> Int[np.ndarray, "4 3"]:
-    """Corners of a unit cell's face, counter-clockwise seen from outside."""
-    square = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
-    corners = np.insert(square, 0, side, axis=1)  # the face across the first axis, outward +
-    return np.roll(corners if side else corners[::-1], axis, axis=1)
-
-
-# One picture of a simulation: its last state as PNG, its whole motion as GIF or WebP.
-#
-# Particles are drawn as balls: in a crack the surface of a mesh is stretched, they are apart.
 
 STILL = ".png"
 SUFFIXES = (STILL, ".gif", ".webp")
@@ -480,35 +459,13 @@ GRAIN = 0.3
 
 def write_picture(path: Path, simulation: Simulation, *, up: UpAxis) -> Path:
     """Write what becomes of a mesh, beside its stiffness where the picture stands still."""
+    mesh, title = simulation.mesh, simulation.title
     if path.suffix.lower() == STILL:
-        mesh = simulation.mesh
-        assert mesh.material is not None, "a simulated mesh has a material"
-        E = mesh.material.E
-        scale = Scale.around(E, label="Young's modulus", unit="Pa", palette="E", log=True)
-        panels = [
-            mesh_panel(mesh, E, scale=scale, title="Stiffness"),
-            _answer(simulation, simulation.displacement[None]),
-        ]
-        return render_png(path, panels, up=up)
+        moved = _displacement_panel(mesh, simulation.displacement, title)
+        return render_png(path, [_stiffness_panel(mesh), moved], up=up)
     frames = simulation.animation.displacement
     shown = np.linspace(0, len(frames) - 1, min(FRAMES, len(frames))).round().astype(int)
-    return render_animation(path, [_answer(simulation, frames[shown])], up=up)
-
-
-def _answer(simulation: Simulation, displacement: np.ndarray) -> Panel:
-    """The moving mesh, coloured by how far its points are from where they were."""
-    mesh, moved = simulation.mesh, np.linalg.norm(displacement, axis=-1)
-    factor = exaggeration(mesh, displacement)
-    drawn = f", drawn {factor:g} times larger" if factor > 1 else ""
-    return mesh_panel(
-        mesh,
-        moved,
-        on="points",
-        scale=Scale.around(moved, label="Displacement", unit="m", palette="displacement"),
-        title=f"{simulation.title}{drawn}",
-        displacement=displacement,
-        factor=factor,
-    )
+    return render_animation(path, [_displacement_panel(mesh, frames[shown], title)], up=up)
 
 
 def particle_film(run: ParticleRun, *, up: UpAxis) -> bytes:
@@ -542,8 +499,6 @@ def particle_film(run: ParticleRun, *, up: UpAxis) -> bytes:
     sheets[0].save(out, "GIF", save_all=True, append_images=sheets[1:], duration=each, loop=0)
     return out.getvalue()
 
-
-# Colour scales: values to colours, and the round numbers that stand beside them.
 
 # Perceptually ordered maps (viridis, cividis, plasma, inferno, mako), cut where they are nearly
 # black; the report draws with the same.
@@ -634,7 +589,10 @@ class Scale:
 
     def colors(self, values: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n 3"]:
         """Colour (sRGB, [0, 1]) of values."""
+        return self.palette_at(self.share(values))
+
+    def palette_at(self, places: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n 3"]:
+        """Colour (sRGB, [0, 1]) at places of the scale, 0 its lower end and 1 its upper."""
         stops = np.array([rgb(stop) for stop in PALETTES[self.palette]])
-        at = self.share(values)
-        places = np.linspace(0, 1, len(stops))
-        return np.stack([np.interp(at, places, stops[:, i]) for i in range(3)], axis=-1)
+        at = np.linspace(0, 1, len(stops))
+        return np.stack([np.interp(places, at, stops[:, i]) for i in range(3)], axis=-1)

@@ -13,10 +13,9 @@ from ...predictors.appearance.surface import to_linear, to_srgb
 from ...predictors.appearance.views import Camera
 
 SMOOTH_COSINE = np.cos(np.deg2rad(40))  # sharper edges than this are drawn sharp
-SKY, SUN = (
-    0.62,
-    0.62,
-)  # light on a white surface: from all around, and from the sun when it faces it
+SMOOTHING = 2  # rays per pixel along each side
+# Light on a white surface: from all around, and from the sun when it faces it.
+SKY, SUN = 0.62, 0.62
 SUN_SPREAD = 0.12  # half width of the sun as seen from the ground, in radians: soft shadows
 LIFT = 1e-4  # rays leave the surface this far above it, as a share of its size: it hides not itself
 # Steps of a sequence that fills the unit square evenly (powers of the plastic number).
@@ -79,9 +78,7 @@ def trace(
     *,
     up: UpAxis = "z",
     ground: float | None = None,
-    smoothing: int = 2,
     samples: int = 6,
-    seed: int = 0,
 ) -> Float[np.ndarray, "height width 3"]:
     """Picture (sRGB, [0, 1]) of a surface on white ground.
 
@@ -95,18 +92,14 @@ def trace(
         Axis that points up.
     ground
         Height [m] of the ground, by default where the surface is lowest.
-    smoothing
-        Rays per pixel along each side.
     samples
         Rays towards the sky from each point that a ray meets.
-    seed
-        Of the directions of those.
     """
-    fine = camera.resized(*(smoothing * side for side in camera.size))
-    light = _Daylight(surface, up_vector(up), ground, np.random.default_rng(seed))
+    fine = camera.resized(*(SMOOTHING * side for side in camera.size))
+    light = _Daylight(surface, up_vector(up), ground, np.random.default_rng(0))
     pixels = light.picture(fine, samples)
     height, width = camera.size
-    blocks = pixels.reshape(height, smoothing, width, smoothing, 3)
+    blocks = pixels.reshape(height, SMOOTHING, width, SMOOTHING, 3)
     return to_srgb(np.clip(blocks.mean(axis=(1, 3)), 0, 1))
 
 

@@ -2,5 +2,5 @@
 
 In: a mesh, options of the scenario, supports and loads in words, a carrier that shall move too.
 Out: a Simulation that settled, moves or rings; its files, page and picture.
-Read: simulate, scenario, matter, reducing.
+Read: simulate, scenario, reducing.
 """

@@ -5,10 +5,12 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import fields, replace
+from difflib import get_close_matches
 from math import isnan
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
 
@@ -16,6 +18,7 @@ from ...fem.errors import ConvergenceError, InputError, UsageError
 from ...fem.grain import Grained, grained_parts, parts_of_grain, with_grains
 from ...fem.identify import MotionFit
 from ...fem.mesh import TetMesh, join_meshes, material_of
+from ...fem.mpm.materials import MaterialClass, Substance, class_of, triaxial_friction
 from ...fem.scene.conditions import (
     KINDS,
     LOADS,
@@ -27,13 +30,16 @@ from ...fem.scene.conditions import (
 )
 from ...fem.scene.scene import Scene
 from ...fem.solve.method import METHODS, SCENARIOS, Method, Scenario
-from ...fem.solve.result import Modes, MotionResult, SagResult
+from ...fem.solve.modal import quick_order
+from ...fem.solve.result import Modes, MotionResult
+from ...fem.table import Span, key, load_contents, load_flows, load_strengths, load_table
 from ...predictors.asset import UpAxis
 from ..asset.document import BodyRecord, read_known
 from ..options import EXPECTED, SimulateOptions, with_given
 from ..verdict.simulation import Moving, Ringing, Settled, Simulation
 
 if TYPE_CHECKING:
+    from ...fem.mpm.method import MpmMethod
     from ...fem.reduced.method import ReducedMethod
     from ...fem.springs.method import SpringMethod
 
@@ -43,6 +49,19 @@ RECENT = 3  # frames whose pace is that of what goes on now
 # Methods in which one body meets another.
 MEETING = ("dynamics", "mpm")
 
+# Classes that a part is of by its material, without a word: what flows. Metals are too stiff to
+# yield here, all else springs back.
+FLOWING = (MaterialClass.SAND, MaterialClass.VISPLAS, MaterialClass.FLUID, MaterialClass.SNOW)
+# Whose numbers a class takes where the tables have none of a material.
+LIKE = {"sand": "sand (uniform)"}
+# A jelly that tears, and what a class cannot do without.
+BRITTLE = "brittle"
+WANTED = {
+    "metal": ("yield_stress",),
+    "sand": ("friction",),
+    "visplas": ("yield_stress", "viscosity"),
+    BRITTLE: ("tension", "fracture_energy"),
+}
 Progress = Callable[[str, float], None]  # called with (stage, seconds so far)
 
 
@@ -71,7 +90,7 @@ def run_scenario(
     if progress is not None:
         progress(f"{options.scenario}, {len(mesh.tets):,} tets", 0.0)
     stated = stated_conditions(options)
-    mesh, rows = with_bodies(mesh, materials or {}, stated.bodies)
+    mesh, rows = _with_bodies(mesh, materials or {}, stated.bodies)
     scenario = _scenario(options, stated.gravity)
     kind = method_name(options, scenario)
     method = chosen_method(kind, options, rows, announce(progress, started), classes=classes)
@@ -88,11 +107,20 @@ def run_scenario(
         device=options.device,
         progress=frames_told(options.scenario, progress, started),
     )
-    changed = bool(stated.conditions)
-    found = _answer(scene, options.scenario, result, stated=changed)
-    if scenario.with_modes and isinstance(found, Settled):
-        found = replace(found, modes=_standing_modes(scene, options.device))
-    return replace(found, materials=rows, seconds=time.perf_counter() - started)
+    known: Any = {"stated": bool(stated.conditions), "materials": rows}
+    if isinstance(result, MotionResult):
+        answer = Moving(scene, options.scenario, **known, motion=result)
+    elif isinstance(result, Modes):
+        answer = Ringing(scene, options.scenario, **known, modes=result)
+    else:
+        answer = Settled(scene, options.scenario, **known, solved=result)
+        # First vibrations of the body as it is held, where a direct factor finds them
+        if scenario.with_modes and (order := quick_order(scene.mesh)) is not None:
+            first = replace(scene, modes=STANDING_MODES)
+            with suppress(ConvergenceError, InputError):  # too few unknowns for so many modes
+                modes = METHODS["modal"].solve(first, order=order, device=options.device)
+                answer = replace(answer, modes=cast("Modes", modes))
+    return replace(answer, seconds=time.perf_counter() - started)
 
 
 def stated_scene(
@@ -106,37 +134,31 @@ def stated_scene(
     stated = stated_conditions(options)
     scenario = _scenario(options, stated.gravity)
     kind = method_name(options, scenario)
-    if kind != "mpm":
-        _check_conditions(options, stated.conditions, kind)
+    # Say what a method cannot follow, rather than leave it out in silence
+    conditions = stated.conditions
+    if kind in ("dynamics", "spring", "lbs") and conditions.move:
+        what = f"--scenario {options.scenario}" if kind == "dynamics" else f"--solver {kind}"
+        raise UsageError(f"--move is for bodies at rest: {what} is a motion")
+    if kind in ("statics", "modal") and conditions.obstacle:
+        raise UsageError(
+            "--obstacle: only motions meet obstacles: --scenario drop, squeeze ... or --solver mpm"
+        )
+    for load in (*LOADS, "move") if kind == "modal" else ():
+        if getattr(conditions, load):
+            raise UsageError(f"--{load}: loads do not change vibrations; --fix does")
     if stated.bodies and kind not in MEETING:
         raise UsageError("--body: bodies meet in motions: --scenario drop ..., --solver fem or mpm")
     mesh, notes = grained(mesh, options, materials or {}, method=kind)
-    scene = stated.conditions.applied(scenario.scene(mesh, up=up))
-    notes = (*scene.warnings, *notes, *_held_notes(scene, options.scenario))
-    return replace(scene, self_contact=options.self_contact, warnings=notes)
-
-
-def _held_notes(scene: Scene, scenario: str) -> tuple[str, ...]:
-    """Say that what is to fall is held; refuse a body of which nothing can move."""
+    scene = conditions.applied(scenario.scene(mesh, up=up))
     held = scene.held
     if held.fixed.all() and not held.values.any():
         raise UsageError(
             "every point of the body is held: nothing can move, wanted a smaller --fix"
         )
-    if scenario == "drop" and held.fixed.any():
-        return ("drop: the body is held, so that it does not fall, but swings under its weight",)
-    return ()
-
-
-def _answer(
-    scene: Scene, scenario: str, result: SagResult | MotionResult | Modes, *, stated: bool
-) -> Simulation:
-    """What is told of a scene, by the kind of its result, whatever the method."""
-    if isinstance(result, SagResult):
-        return Settled(scene, scenario, stated, solved=result)
-    if isinstance(result, MotionResult):
-        return Moving(scene, scenario, stated, motion=result)
-    return Ringing(scene, scenario, stated, modes=result)
+    if options.scenario == "drop" and held.fixed.any():
+        swings = "drop: the body is held, so that it does not fall, but swings under its weight"
+        notes = (*notes, swings)
+    return replace(scene, self_contact=options.self_contact, warnings=(*scene.warnings, *notes))
 
 
 def _scenario(options: SimulateOptions, gravity: float | None) -> Scenario:
@@ -155,23 +177,6 @@ def _scenario(options: SimulateOptions, gravity: float | None) -> Scenario:
             raise UsageError(f"--gravity: --scenario {name} leaves the weight out")
         given["gravity"] = gravity
     return kind(**given)
-
-
-def _check_conditions(
-    options: SimulateOptions, conditions: BoundaryConditions, method: str
-) -> None:
-    """Say what a method cannot follow, rather than leave it out in silence."""
-    if method in ("dynamics", "spring", "lbs") and conditions.move:
-        what = f"--scenario {options.scenario}" if method == "dynamics" else f"--solver {method}"
-        raise UsageError(f"--move is for bodies at rest: {what} is a motion")
-    if method in ("statics", "modal") and conditions.obstacle:
-        raise UsageError(
-            "--obstacle: only motions meet obstacles: --scenario drop, squeeze ... or --solver mpm"
-        )
-    if method == "modal":
-        for kind in (*LOADS, "move"):
-            if getattr(conditions, kind):
-                raise UsageError(f"--{kind}: loads do not change vibrations; --fix does")
 
 
 def announce(progress: Progress | None, started: float) -> Callable[[str], None] | None:
@@ -201,39 +206,10 @@ def frames_told(scenario: str, progress: Progress | None, started: float) -> Any
     return frame_done
 
 
-def _standing_modes(scene: Scene, device: str) -> Any:
-    """First vibrations of a body as it is held, where a direct factor finds them; else None."""
-    from ...fem.scenarios import Vibration
-    from ...fem.solve.modal import quick_order
-
-    order = quick_order(scene.mesh)
-    if order is None:
-        return None
-    try:
-        wanted = replace(scene, modes=STANDING_MODES)
-        return METHODS[Vibration.method].solve(wanted, order=order, device=device)
-    except (ConvergenceError, InputError):  # too few unknowns for so many modes
-        return None
-
-
-# Further bodies of a scene: meshes beside the first, moved to where they are wanted.
-
-
-class Bodies(NamedTuple):
-    """All bodies as one ``mesh``, and the row of the table that each part is of."""
-
-    mesh: TetMesh
-    materials: dict[str, str]
-
-
-def with_bodies(mesh: TetMesh, materials: Mapping[str, str], entries: Sequence[str]) -> Bodies:
-    """Join the meshes of ``entries``, 'FILE' or 'FILE=x,y,z' [m], to ``mesh``.
-
-    Raises
-    ------
-    InputError
-        Where a file is no mesh with a material.
-    """
+def _with_bodies(
+    mesh: TetMesh, materials: Mapping[str, str], entries: Sequence[str]
+) -> tuple[TetMesh, dict[str, str]]:
+    """Join the meshes of ``entries``, 'FILE' or 'FILE=x,y,z' [m], to ``mesh``, and their rows."""
     rows = dict(materials)
     for entry in entries:
         path, equals, place = entry.rpartition("=")
@@ -245,10 +221,8 @@ def with_bodies(mesh: TetMesh, materials: Mapping[str, str], entries: Sequence[s
         mesh = join_meshes(mesh, other, shift)
         renamed = zip(other.region_names, mesh.region_names[before:], strict=True)
         rows |= {new: known[old] for old, new in renamed if old in known}
-    return Bodies(mesh, rows)
+    return mesh, rows
 
-
-# Which method solves a scenario: its own, or the one of ``--solver`` with its options.
 
 # What solvers beside finite elements cannot do, by name of the scenario's own method or scenario.
 REFUSED = {
@@ -314,8 +288,6 @@ def chosen_method(
     them; ``announce`` hears what the run will cost.
     """
     if name == "mpm":
-        from .matter import particle_method
-
         return particle_method(options, materials, announce, classes=classes)
     if name == "spring":
         return spring_method(options, announce)
@@ -377,10 +349,135 @@ def _check_parameters(options: SimulateOptions) -> None:
         raise UsageError("--parameters-alpha: wanted --parameters of `match --to-stiff` with it")
 
 
-# What a match has found between a soft and a stiff motion: moduli at an alpha in between.
+def particle_method(
+    options: SimulateOptions,
+    materials: Mapping[str, str],
+    announce: Callable[[str], None] | None = None,
+    *,
+    classes: Mapping[str, str] | None = None,
+) -> MpmMethod:
+    """The method that the options ask for; ``announce`` hears what it will cost.
 
-# Where nothing is said.
-MIDDLE = 0.5
+    ``materials`` are the rows of the table that parts are of: numbers that are not said are theirs.
+    ``classes`` are those that a predictor found, by part; else a part that flows has its row's.
+    """
+    from ...fem.mpm.method import PRESETS, MpmMethod
+    from ...fem.mpm.rigid import Stiff
+
+    if options.grid < 4:
+        raise UsageError(f"--grid {options.grid}: wanted at least 4 cells along the longest side")
+    if options.preset:
+        # Say which number a preset would leave out in silence
+        for name in ("grid", "stiff", "damping"):
+            if getattr(options, name) != getattr(SimulateOptions, name):
+                raise UsageError(
+                    f"--preset {options.preset} has its own --{name}: leave one of them out"
+                )
+    if not (np.isfinite(options.damping) and options.damping >= 0):
+        raise UsageError(f"--damping {options.damping:g}: wanted a rate >= 0 [1/s]")
+    own = MpmMethod(grid=options.grid, stiff=Stiff(options.stiff), damping=options.damping)
+    said = substances(options.matter, materials)
+    left = {part: row for part, row in materials.items() if part not in said}
+    flowing, notes = flowing_substances(left, classes or {})
+    return replace(
+        PRESETS[options.preset] if options.preset else own,
+        substances=flowing | said,
+        notes=notes,
+        threads=options.threads,
+        announce=announce,
+    )
+
+
+def substances(
+    entries: Sequence[str], materials: Mapping[str, str] | None = None
+) -> dict[str, Substance]:
+    """Matter by name of part, of entries such as 'bread=brittle,tension=5e3,fracture_energy=20'.
+
+    What is not said is taken from the tables of strength and flow, for the row in ``materials``:
+    the middle of its range. ``brittle`` is jelly that tears.
+    """
+    known = {field.name for field in fields(Substance)} - {"kind", "corotated"}
+    names = ", ".join(sorted(known))
+    found = {}
+    for entry in entries:
+        part, equals, said = entry.partition("=")
+        name, *numbers = [word.strip() for word in said.split(",")]
+        if not equals or name.upper() not in (*MaterialClass.__members__, BRITTLE.upper()):
+            classes = ", ".join([*(kind.name.lower() for kind in MaterialClass), BRITTLE])
+            raise UsageError(f"--matter {entry!r}: wanted PART=CLASS[,name=value] of {classes}")
+        values: dict[str, Any] = {}
+        for pair in numbers:
+            number, _, text = pair.partition("=")
+            number = number.strip()
+            if number not in known:
+                near = get_close_matches(number, known, n=1)
+                hint = f"; did you mean {near[0]!r}?" if near else f": known are {names}"
+                raise UsageError(f"--matter {entry!r}: no number {number!r}{hint}")
+            try:
+                values[number] = float(text)
+            except ValueError as error:
+                raise UsageError(f"--matter {entry!r}: {text!r} is no number") from error
+        row = (materials or {}).get(part.strip(), "")
+        values = _from_tables(name, row) | values
+        missing = [number for number in WANTED.get(name, ()) if number not in values]
+        if missing:
+            where = f"the tables know none of {row!r}" if row else "its material is not known"
+            raise UsageError(f"--matter {entry!r}: give {missing[0]}=...: {where}")
+        kind = MaterialClass.JELLY if name == BRITTLE else MaterialClass[name.upper()]
+        values["seed"] = int(values.get("seed", 0))
+        found[part.strip()] = Substance(kind=kind, **values)
+    return found
+
+
+def flowing_substances(
+    materials: Mapping[str, str], classes: Mapping[str, str]
+) -> tuple[dict[str, Substance], tuple[str, ...]]:
+    """Matter by name of the parts that flow, and what to say of it: by ``classes``, else by row."""
+    found: dict[str, Substance] = {}
+    notes: list[str] = []
+    for part, row in materials.items():
+        own = row.removeprefix("like ")
+        name = classes.get(part)
+        if not name:
+            tables = load_table().phrases, load_contents().phrases
+            known = next((rows[key(own)] for rows in tables if key(own) in rows), None)
+            name = (MaterialClass.JELLY if known is None else class_of(known)).name.lower()
+        if MaterialClass[name.upper()] not in FLOWING:
+            continue
+        values: dict[str, Any] = _from_tables(name, LIKE.get(name, own)) | _from_tables(name, own)
+        missing = [number for number in WANTED.get(name, ()) if number not in values]
+        if missing:
+            notes.append(
+                f"{part}: {row} is {name}, but the tables know no {missing[0]} of it: elastic; "
+                f"--matter {part}={name},{missing[0]}=... makes it flow"
+            )
+            continue
+        numbers = "".join(f", {number} {value:.3g}" for number, value in values.items())
+        notes.append(f"{part}: {name} as {row} is{numbers}; --matter {part}=jelly keeps it elastic")
+        found[part] = Substance(kind=MaterialClass[name.upper()], **values)
+    return found, tuple(notes)
+
+
+def _from_tables(name: str, row: str) -> dict[str, float]:
+    """Numbers of a class from the rows of strength and flow: the middle of what is sourced."""
+    flow, strength = load_flows().get(row), load_strengths().get(row)
+    found: dict[str, Span | None] = {}
+    if name == "metal" and strength is not None and strength.kind == "yield":
+        found["yield_stress"] = strength.tension
+    if name == BRITTLE and strength is not None:
+        found["tension"] = strength.tension
+    if flow is not None:
+        if name == BRITTLE:
+            found["fracture_energy"] = flow.fracture
+        if name in ("visplas", "fluid"):
+            found["viscosity"] = flow.viscosity
+        if name == "visplas":
+            found["yield_stress"] = flow.yield_stress
+    values = {number: (span.min + span.max) / 2 for number, span in found.items() if span}
+    if name == "sand" and flow is not None and flow.friction is not None:
+        angle = np.deg2rad((flow.friction.min + flow.friction.max) / 2)
+        values["friction"] = triaxial_friction(angle)
+    return values
 
 
 class Moduli(NamedTuple):
@@ -396,7 +493,7 @@ def checked_alpha(alpha: float | None, ends: int) -> float:
         raise UsageError(
             f"--parameters-alpha {alpha:g}: wanted 0 to 1, with --parameters of `match --to-stiff`"
         )
-    return 0.0 if ends < 2 else MIDDLE if alpha is None else alpha
+    return 0.0 if ends < 2 else 0.5 if alpha is None else alpha
 
 
 def moduli_between(ends: Sequence[MotionFit], alpha: float | None = None) -> Moduli:
@@ -414,8 +511,6 @@ def moduli_between(ends: Sequence[MotionFit], alpha: float | None = None) -> Mod
         return Moduli(scale, None)
     return Moduli(scale, (1 - share) * soft.nu + share * stiff.nu)
 
-
-# The grain of wood in a simulation: which way it is said to run, and who takes it.
 
 METHODS_WITH_GRAIN = ("statics", "modal", "dynamics")
 
@@ -455,9 +550,6 @@ def stated_grains(mesh: TetMesh, entries: Sequence[str]) -> dict[str, np.ndarray
         if not found[part].any():
             raise UsageError(f"--grain {entry!r}: wanted a direction, not zero")
     return found
-
-
-# What the options of a simulation state of supports, loads and gravity.
 
 
 def stated_conditions(options: SimulateOptions) -> ConditionsFile:

@@ -2,22 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import replace
+import json
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from dataclasses import asdict, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
-from ...fem.errors import InputError, UsageError
+import numpy as np
+
+from ...converters.registry import POINT_FORMATS
+from ...fem.errors import ConvergenceError, InputError, UsageError
 from ...fem.mesh import TetMesh
+from ...fem.mpm.time_step import MpmError
 from ...fem.solve.method import SCENARIOS
 from ...predictors.asset import UpAxis
-from ..asset.document import BodyRecord, Sidecar, check_file, check_folder, path_of, read_known
+from ...predictors.field import MaterialField
+from ..asset.document import BodyRecord, check_file, check_folder, path_of, read_known
 from ..driving import checked_scale
 from ..driving import drive as move_carrier
 from ..options import SimulateOptions, command_line
 from ..verdict.simulation import Simulation
-from .matter import VoxelBody, cells_wanted, check_particles, logged, voxel_body
-from .scenario import changed_options
+from .scenario import changed_options, run_scenario
 
 
 def simulate(
@@ -88,83 +94,36 @@ def simulate(
     >>> round(rest.solved.max_displacement, 9)  # m: rho g L^2 / (2 E)
     0.005
     """
-    from .scenario import run_scenario
-
     options = changed_options(options or SimulateOptions(), given)
     output, report, picture, drive = map(path_of, (output, report, picture, drive))
-    body = _voxels(mesh, options, 1.0 if drive_scale is None else drive_scale)
-    drive = drive or (None if body is None or output is None or output.suffix else body.carrier)
-    wanted = {"output": output, "report": report, "picture": picture}
-    output = _checked_output(drive, output)
-    _check_pages(report, picture, touch=options.touch)
     source = Path("MESH") if isinstance(mesh, TetMesh) else Path(mesh)
-    scale = 1.0 if drive is None else checked_scale(drive_scale, mesh, drive)
-    mesh, sidecar = _with_material(mesh if body is None else body.mesh, up)
-    record = _known(record or BodyRecord.of(sidecar), body, materials)
-    known = {"up": sidecar.up, "materials": record.materials, "classes": record.classes}
-    with logged(output):
-        result = _noted(run_scenario(mesh, options, **known, progress=progress), body)
-    result = replace(
-        result,
-        draws=record.draws,
-        exact=record.exact,
-        differences=record.differences,
-        size_stated=record.size_stated,
-    )
-    if drive is not None and output is not None:
-        # The result with the frames of a carrier that moved with it
-        output.parent.mkdir(parents=True, exist_ok=True)
-        place = {"folder": output.parent, "scale": scale, "up": sidecar.up}
-        moved = result.animation.displacement
-        driven = move_carrier(result.mesh, moved, drive, run=result.particles, **place)
-        result = replace(result, driven=driven, files=driven.files)
-    again = command_line("simulate", source, options=(options,), up=up, drive=drive, **wanted)
-    files = {**wanted, "output": output, "touch": options.touch, "command": again}
-    return _shown(result, source.stem, sidecar, **files)
-
-
-def _with_material(mesh: TetMesh | str | Path, up: UpAxis | None) -> tuple[TetMesh, Sidecar]:
-    """The mesh, which must have a material, and its sidecar."""
-    mesh, sidecar, *_ = read_known(mesh, None)
-    if mesh.material is None:
-        raise InputError("the mesh has no E, nu and rho: run `autophyx-tet assign` on it first")
-    return mesh, replace(sidecar, up=up or sidecar.up)
-
-
-def _known(
-    record: BodyRecord, body: VoxelBody | None, materials: Mapping[str, str] | None
-) -> BodyRecord:
-    """The record with the rows that were given, or else, where it has none, those of voxels."""
-    if materials is not None:
-        return record.of_other_materials(materials)
-    if body is None or record.materials:
-        return record
-    return replace(record, materials=body.materials)
-
-
-def _voxels(
-    source: str | Path | TetMesh, options: SimulateOptions, scale: float
-) -> VoxelBody | None:
-    """What is no mesh of tets as a body of voxels, for particles."""
-    if isinstance(source, TetMesh):
-        return None
-    body = voxel_body(Path(source), cells=cells_wanted(options), scale=scale)
+    # What is no mesh of tets is a body of voxels, for particles
+    body = None
+    if not isinstance(mesh, TetMesh):
+        scale = 1.0 if drive_scale is None else drive_scale
+        body = _voxel_body(source, cells=_cells(options), scale=scale)
     if body is not None:
-        by_particles = options.solver == "mpm" or SCENARIOS[options.scenario].method == "mpm"
-        check_particles(Path(source), particles=by_particles)
-    return body
-
-
-def _noted(result: Simulation, body: VoxelBody | None) -> Simulation:
-    """The result with what was assumed of a body of voxels."""
-    if body is None:
-        return result
-    warnings = (*result.scene.warnings, *body.notes)
-    return replace(result, scene=replace(result.scene, warnings=warnings))
-
-
-def _check_pages(report: Path | None, picture: Path | None, *, touch: bool) -> None:
-    if touch and report is None:
+        if options.solver != "mpm" and SCENARIOS[options.scenario].method != "mpm":
+            raise UsageError(
+                f"{source} is no mesh: --solver mpm makes particles of it, or `convert` it"
+            )
+        if output is not None and not output.suffix:
+            drive = drive or body.carrier
+    # What is to be written can be written, before the work
+    wanted = {"output": output, "report": report, "picture": picture}
+    if drive is None:
+        if output is not None:
+            check_file(output, (".vtu", ".vtk", ".pvd", ".glb"))
+    elif output is None:
+        raise UsageError("--drive writes files: give a folder by -o")
+    elif output.suffix:
+        raise UsageError(f"--drive: output {output} is a file, wanted a folder")
+    elif not drive.is_file():
+        raise InputError(f"no such file: {drive}")
+    else:
+        check_folder(output)
+        output = output / "motion.pvd"
+    if options.touch and report is None:
         raise UsageError("--touch: a body to pull is a part of the page: give --report FILE.html")
     if report is not None:
         check_file(report, (".html",))
@@ -172,48 +131,138 @@ def _check_pages(report: Path | None, picture: Path | None, *, touch: bool) -> N
         from ..report.picture import SUFFIXES
 
         check_file(picture, SUFFIXES)
-
-
-def _shown(
-    result: Simulation,
-    name: str,
-    sidecar: Sidecar,
-    *,
-    touch: bool,
-    command: str,
-    output: Path | None,
-    report: Path | None,
-    picture: Path | None,
-) -> Simulation:
-    """Write a result, its page and its picture; the files are on record."""
+    scale = 1.0 if drive is None else checked_scale(drive_scale, mesh, drive)
+    mesh, sidecar, *_ = read_known(mesh if body is None else body.mesh, None)
+    if mesh.material is None:
+        raise InputError("the mesh has no E, nu and rho: run `autophyx-tet assign` on it first")
+    sidecar = replace(sidecar, up=up or sidecar.up)
+    record = record or BodyRecord.of(sidecar)
+    if materials is not None:
+        record = record.of_other_materials(materials)
+    elif body is not None and not record.materials:
+        record = replace(record, materials=body.materials)
+    known = {"up": sidecar.up, "materials": record.materials, "classes": record.classes}
+    with _logged(output):
+        result = run_scenario(mesh, options, **known, progress=progress)
+    if body is not None:
+        warnings = (*result.scene.warnings, *body.notes)
+        result = replace(result, scene=replace(result.scene, warnings=warnings))
+    result = replace(
+        result,
+        draws=record.draws,
+        exact=record.exact,
+        differences=record.differences,
+        size_stated=record.size_stated,
+    )
+    again = command_line("simulate", source, options=(options,), up=up, drive=drive, **wanted)
+    files: list[Path] = []
+    if drive is not None and output is not None:
+        output.parent.mkdir(parents=True, exist_ok=True)
+        place = {"folder": output.parent, "scale": scale, "up": sidecar.up}
+        moved = result.animation.displacement
+        driven = move_carrier(result.mesh, moved, drive, run=result.particles, **place)
+        result = replace(result, driven=driven)
+        files += driven.files
     if output is not None:
-        result = replace(result, files=(*result.write(output), *result.files))
+        files[:0] = result.write(output)
     if report is not None:
         from ..report.html import write_report
         from ..report.pages import simulation_page
 
-        page = simulation_page(name, result, sidecar, touch=touch, command=command)
-        written = write_report(report, page)
-        result = replace(result, files=(*result.files, written))
+        page = simulation_page(source.stem, result, sidecar, touch=options.touch, command=again)
+        files.append(write_report(report, page))
     if picture is not None:
         from ..report.picture import write_picture
 
-        drawn = write_picture(picture, result, up=sidecar.up)
-        result = replace(result, files=(*result.files, drawn))
-    return result
+        files.append(write_picture(picture, result, up=sidecar.up))
+    return replace(result, files=tuple(files))
 
 
-def _checked_output(drive: Path | None, output: Path | None) -> Path | None:
-    """The output if it can be written: with a driven carrier the .pvd in its folder."""
-    if drive is None:
-        if output is not None:
-            check_file(output, (".vtu", ".vtk", ".pvd", ".glb"))
-        return output
-    if output is None:
-        raise UsageError("--drive writes files: give a folder by -o")
-    if output.suffix:
-        raise UsageError(f"--drive: output {output} is a file, wanted a folder")
-    if not drive.is_file():
-        raise InputError(f"no such file: {drive}")
-    check_folder(output)
-    return output / "motion.pvd"
+class VoxelBody(NamedTuple):
+    """Tets of voxels, how they came about, and the splats or points that can follow, if any.
+
+    ``materials`` are the rows of the table by part, where a field has them.
+    """
+
+    mesh: TetMesh
+    notes: tuple[str, ...]
+    carrier: Path | None
+    materials: dict[str, str]
+
+
+def _voxel_body(path: Path, *, cells: int, scale: float = 1.0) -> VoxelBody | None:
+    """Body of a field (.npz), or of splats or points with E, nu, rho; None for other files.
+
+    Splats and points are filled on a grid of ``cells`` along their longest side; their unit is
+    ``scale`` metres.
+    """
+    from ...converters import files as npz
+    from ...converters.points.table import read_points
+    from ...converters.transfer import field_from_points, tets_of_field
+
+    suffix = path.suffix.lower()
+    if suffix == ".npz" and path.is_file() and "meta" in npz.load_npz(path):
+        found = npz.load(path)
+        is_field = isinstance(found, MaterialField)
+        return VoxelBody(tets_of_field(found), (), None, rows_of_field(found)) if is_field else None
+    if suffix not in POINT_FORMATS or not path.is_file():
+        return None
+    table = read_points(path)
+    if not all(name in table.columns for name in ("E", "nu", "rho")):
+        return None
+    places = {name: scale * np.asarray(table.columns[name], dtype=np.float64) for name in "xyz"}
+    names: tuple[str, ...] = ()
+    for comment in reversed(table.comments):  # the first in which `transfer` names the parts
+        with suppress(ValueError):
+            remark = json.loads(comment)
+            if isinstance(remark, dict) and "part" in remark:
+                names = tuple(map(str, remark["part"]))
+    field = field_from_points(table.with_columns(places), cells=cells, part_names=names)
+    from scipy.ndimage import binary_erosion
+
+    solid = np.asarray(field.occupied)
+    outer = 1 - binary_erosion(solid).sum() / solid.sum()
+    return VoxelBody(
+        tets_of_field(field),
+        (
+            f"filled: {solid.sum():,} voxels of {field.grid.h:.3g} m; the {outer:.0%} at the "
+            "surface are taken as full: mass and thickness may be half of that too large",
+        ),
+        path,
+        {},
+    )
+
+
+def _cells(options: SimulateOptions) -> int:
+    """Cells along the longest side, by the preset or as said."""
+    if not options.preset:
+        return options.grid
+    from ...fem.mpm.method import PRESETS
+
+    return PRESETS[options.preset].grid
+
+
+def rows_of_field(field: MaterialField) -> dict[str, str]:
+    """The material that most cells of a part are of, by name of part."""
+    if field.part is None or field.material is None:
+        return {}
+    rows = {}
+    for part in np.unique(field.part[field.occupied]):
+        own = field.material[field.occupied & (field.part == part)]
+        rows[field.part_names[part]] = field.material_names[np.bincount(own).argmax()]
+    return rows
+
+
+@contextmanager
+def _logged(output: Path | None) -> Iterator[None]:
+    """Where a run of particles fails, write what is known of it beside ``output``, as JSON."""
+    try:
+        yield
+    except MpmError as error:
+        if output is None:
+            raise
+        log = output.with_suffix(".log")
+        log.parent.mkdir(parents=True, exist_ok=True)
+        known = {"plan": error.plan, "notes": error.notes, "failure": asdict(error.failure)}
+        log.write_text(json.dumps(known, indent=1) + "\n", encoding="utf-8")
+        raise ConvergenceError(f"{error}; log: {log}") from error

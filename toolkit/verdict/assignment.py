@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...fem.errors import BandError, InputError, UsageError
-from ...fem.mesh import TetMesh
+from ...fem.errors import BandError, UsageError
+from ...fem.mesh import TetMesh, material_of
 from ...fem.table import AS_STATED, FIELDS, MaterialValue, Span, outside_band
 from ...fem.uncertainty import MIDDLE
 from ...predictors.construction import MassInterval
@@ -61,35 +61,41 @@ class Assignment:
         volumes = self.mesh.region_volumes()
         masses = np.bincount(
             self.mesh.region,
-            weights=_material(self.mesh).rho * self.mesh.volumes,
+            weights=material_of(self.mesh).rho * self.mesh.volumes,
             minlength=len(volumes),
         )
-        return [
-            {
-                "name": choice.part,
-                "material": choice.material,
-                "class": choice.matter_class,
-                **choice.value._asdict(),
-                "ranges": _ranges(choice),
-                "source": choice.source,
-                "estimated": choice.row.estimated,
-                "why": choice.why,
-                "derivation": choice.derivation,
-                "exact": choice.exact,
-                "guessed": choice.guessed,
-                "understood": choice.understood,
-                "weight": choice.weight,
-                "binding": choice.binding,
-                "draws": self.draws.get(choice.part, ()),
-                "volume": volume,
-                "mass": mass,
-                "mass_interval": list(built.mass),
-                "construction": built.row(),
-            }
-            for choice, built, volume, mass in zip(
-                self.choices, self.built, volumes, masses, strict=True
+        rows = []
+        for choice, built, volume, mass in zip(
+            self.choices, self.built, volumes, masses, strict=True
+        ):
+            # what E, nu and rho may be: as the row says, but those that were stated in numbers
+            ranges = {name: getattr(choice.row, name) for name in FIELDS}
+            values = choice.value._asdict()
+            ranges |= {name: Span(values[name], values[name]) for name in choice.exact}
+            rows.append(
+                {
+                    "name": choice.part,
+                    "material": choice.material,
+                    "class": choice.matter_class,
+                    **values,
+                    "ranges": ranges,
+                    "source": choice.source,
+                    "estimated": choice.row.estimated,
+                    "why": choice.why,
+                    "derivation": choice.derivation,
+                    "exact": choice.exact,
+                    "guessed": choice.guessed,
+                    "understood": choice.understood,
+                    "weight": choice.weight,
+                    "binding": choice.binding,
+                    "draws": self.draws.get(choice.part, ()),
+                    "volume": volume,
+                    "mass": mass,
+                    "mass_interval": list(built.mass),
+                    "construction": built.row(),
+                }
             )
-        ]
+        return rows
 
     @property
     def record(self) -> BodyRecord:
@@ -131,62 +137,55 @@ class Assignment:
             more = f" (and {len(others)} more)" if others else ""
             raise UsageError(f"--strict: {first}{more}")
 
-    def _unlike(self) -> Iterator[Verdict]:
-        """Say where a network's own E is far from the row that it is said to be like."""
-        for choice in self.choices:
-            E, row = choice.value.E, choice.row
-            if choice.network and not row.E.min / UNLIKE <= E <= row.E.max * UNLIKE:
-                said = f"{choice.part}: E = {E:.3g} Pa is not that of {row.name}, the nearest row"
-                span = f"({row.E.min:.3g} to {row.E.max:.3g})"
-                yield Verdict("note", f"{said} {span}.", "inside band", ADVICE["inside band"])
-
     def verdicts(self) -> list[Verdict]:
         """Whether E, nu and rho are usual, and how well the mass is known."""
         # Whether the E, nu and rho of every part are usual for its category
-        found = [
-            Verdict("note", f"{choice.part}: {complaint}", "inside band", ADVICE["inside band"])
+        said = [
+            f"{choice.part}: {complaint}"
             for choice in self.choices
             for complaint in outside_band(choice.row.category, *choice.value)
         ]
-        found += self._unlike()
+        # and a network's own E near the row that it is said to be like
+        for choice in self.choices:
+            E, row = choice.value.E, choice.row
+            if choice.network and not row.E.min / UNLIKE <= E <= row.E.max * UNLIKE:
+                said.append(
+                    f"{choice.part}: E = {E:.3g} Pa is not that of {row.name}, the nearest row "
+                    f"({row.E.min:.3g} to {row.E.max:.3g})."
+                )
+        found = [Verdict("note", one, "inside band", ADVICE["inside band"]) for one in said]
         stated = [repr(c.part) for c in self.choices if c.row.category == AS_STATED]
         if len(stated) < len(self.choices) and not found:
-            said = "E, nu and rho of every part are usual for its kind."
-            found.append(Verdict("good", said, "inside band"))
+            usual = "E, nu and rho of every part are usual for its kind."
+            found.append(Verdict("good", usual, "inside band"))
         if stated:
-            said = f"{', '.join(stated)}: no strength is known of what is only numbers, as stated."
-            found.append(Verdict("note", said, "as stated"))
-        return [*found, *self._mass()]
-
-    def _mass(self) -> Iterator[Verdict]:
-        """How far the mass may be off, where nothing says whether parts are hollow."""
+            numbers = "no strength is known of what is only numbers, as stated."
+            found.append(Verdict("note", f"{', '.join(stated)}: {numbers}", "as stated"))
+        # How far the mass may be off, where nothing says whether parts are hollow
         low, high = self.mass_interval()
         parts = [b.construction.part for b in self.built if b.construction.form == "unknown"]
         if parts and high > FAR_APART * low:
-            yield Verdict(
-                "note",
-                f"It weighs {_material(self.mesh) and self.mesh.mass:.3g} kg if {listed(parts)} "
+            weighs = (
+                f"It weighs {self.mesh.mass:.3g} kg if {listed(parts)} "
                 f"{'are' if len(parts) > 1 else 'is'} solid as drawn, "
-                f"{low:.2g} to {high:.2g} kg by what may be hollow, its density and its volume.",
-                "mass",
-                ADVICE["mass"],
+                f"{low:.2g} to {high:.2g} kg by what may be hollow, its density and its volume."
             )
+            found.append(Verdict("note", weighs, "mass", ADVICE["mass"]))
+        return found
 
     def _drawn_mass(self) -> Iterator[Verdict]:
         """What it weighs in nine of ten samples of what is unknown."""
-        if not self.draws:
+        draws = self.draws
+        if not draws:
             return
         each = {row["name"]: row["mass"] for row in self.part_rows()}
-        known = sum(mass for name, mass in each.items() if name not in self.draws)
-        drawn = [
-            each[choice.part] / built.as_built(choice.value).rho
-            * np.array([value.rho for value in self.draws[choice.part]])
-            for choice, built in zip(self.choices, self.built, strict=True)
-            if choice.part in self.draws
-        ]  # fmt: skip
-        low, high = np.quantile(known + sum(drawn), MIDDLE)
-        count = len(drawn[0])
-        said = f"Nine times in ten of {count} samples it weighs {low:.3g} to {high:.3g} kg."
+        total: Any = sum(mass for name, mass in each.items() if name not in draws)
+        for choice, built in zip(self.choices, self.built, strict=True):
+            if choice.part in draws:
+                rho = np.array([value.rho for value in draws[choice.part]])
+                total = total + each[choice.part] / built.as_built(choice.value).rho * rho
+        low, high = np.quantile(total, MIDDLE)
+        said = f"Nine times in ten of {len(total)} samples it weighs {low:.3g} to {high:.3g} kg."
         yield Verdict("good", said, "range", "")
 
     def described(self) -> Sidecar:
@@ -205,16 +204,3 @@ class Assignment:
             "doubts": self.doubts,
             "warnings": self.warnings,
         }
-
-
-def _material(mesh: TetMesh):
-    if mesh.material is None:
-        raise InputError("the mesh has no E, nu and rho: run `autophyx-tet assign` on it first")
-    return mesh.material
-
-
-def _ranges(choice: PartChoice) -> dict[str, Span]:
-    """What E, nu and rho may be: as the row says, but those that were stated in numbers."""
-    rows = {name: getattr(choice.row, name) for name in FIELDS}
-    values = choice.value._asdict()
-    return rows | {name: Span(values[name], values[name]) for name in choice.exact}

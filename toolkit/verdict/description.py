@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ...fem.mesh import face_areas
-from ...fem.scene.loads import Traction, resultant
+from ...fem.scene.loads import resultant
 from ...fem.scene.obstacles import Box, Capsule, Obstacle, Plane, Sphere
 from ...fem.scene.scene import Hold, Scene
 from ...fem.scene.up import up_vector
@@ -19,11 +19,12 @@ Kind = Literal["support", "motion", "load", "gravity", "obstacle"]
 AXES = "xyz"
 # A report draws at most so many marks of supports, and arrows of one load.
 MOST_HELD, MOST_ARROWS = 150, 24
-# A vector is called after an axis when it leaves it by less than this share.
-ALONG = 1e-6
+ALONG = 1e-6  # a vector is called after an axis when it leaves it by less than this fraction
 # A load whose faces push against each other (a pressure, a torque) is told by its torque or
-# pressure where its net force is below this share of the sum of their sizes.
+# pressure where its net force is below this fraction of the sum of their sizes.
 BALANCED = 1e-6
+SIDES = 32  # lines of a circle, around an obstacle
+REACH = 0.75  # sizes of the body that the square of a plane reaches from under its middle
 
 
 class Acting(NamedTuple):
@@ -51,30 +52,74 @@ class Marks(NamedTuple):
 
 def describe(scene: Scene) -> tuple[Acting, ...]:
     """Everything that acts in a scene, one sentence each."""
-    return (*_supports(scene), *_loads(scene), *_gravity(scene), *_obstacles(scene))
+    mesh, held, acting = scene.mesh, scene.held, []
+    for hold in scene.holds or _holds_of_scenario(scene):
+        count = f"{len(hold.points):,} points"
+        if any(hold.by):
+            way = vector_words(np.array(hold.by), "m")
+            acting.append(Acting("motion", f"{hold.name} is moved by {way} ({count})"))
+        else:
+            axes = " and ".join(AXES[axis] for axis in hold.axes)
+            directions = "in all directions" if len(hold.axes) == 3 else f"in {axes} only"
+            acting.append(Acting("support", f"{hold.name} is held {directions} ({count})"))
+    if held.springs.any():
+        count, total = int(held.springs.any(axis=1).sum()), float(held.springs.sum())
+        acting.append(Acting("support", f"springs of {si(total, 'N/m')} at {count:,}"))
+    elif not held.fixed.any():
+        acting.append(Acting("support", "nothing holds it"))
+    for load in scene.tractions:
+        total = resultant(mesh, load)
+        area = f"over {area_words(total.area)}"
+        name = f"on {load.name}" if load.name else "on the surface"
+        sizes = np.linalg.norm(np.broadcast_to(load.value, (len(load.faces), 3)), axis=1)
+        sum_of_sizes = float(sizes @ face_areas(mesh.points, load.faces))
+        if np.linalg.norm(total.force) > BALANCED * sum_of_sizes:
+            words = f"{vector_words(total.force, 'N')} {name}, {area}"
+        elif np.ptp(sizes) <= ALONG * sizes.max():
+            pressure = si(float(sizes.max()), "Pa")
+            words = f"a pressure of {pressure} {name}, without a net force, {area}"
+        else:
+            words = f"a torque of {vector_words(total.torque, 'N m')} {name}, {area}"
+        acting.append(Acting("load", words))
+    if scene.forces is not None:
+        force = vector_words(scene.forces.sum(axis=0), "N")
+        acting.append(Acting("load", f"forces at points, {force}"))
+    gravity = float(np.linalg.norm(scene.gravity_vector))
+    words = "no gravity"
+    if gravity > 0:
+        way = vector_words(np.asarray(scene.gravity_vector), "m/s²")
+        words = f"gravity of {way}: its weight is {si(mesh.mass * gravity, 'N')}"
+    acting.append(Acting("gravity", words))
+    for obstacle in scene.obstacles:
+        if isinstance(obstacle, Plane):
+            normal = np.asarray(obstacle.normal, dtype=float) / np.linalg.norm(obstacle.normal)
+            level = si(float(normal @ np.asarray(obstacle.point)), "m")
+            words = f"a plane that faces {_way(normal).removeprefix('along ')}, at {level}"
+        elif isinstance(obstacle, Sphere):
+            words = f"a ball of radius {si(obstacle.radius, 'm')}"
+        elif isinstance(obstacle, Capsule):
+            words = f"a capsule of radius {si(obstacle.radius, 'm')}"
+        elif isinstance(obstacle, Box):
+            words = f"a box of {' × '.join(si(2 * float(h), 'm') for h in obstacle.half)}"
+        else:
+            words = f"an obstacle ({type(obstacle).__name__})"
+        if np.any(obstacle.velocity):
+            words += f", moving {vector_words(np.asarray(obstacle.velocity), 'm/s')}"
+        if scene.friction:
+            words += f", friction {scene.friction:g}"
+        acting.append(Acting("obstacle", words))
+    return tuple(acting)
 
 
-def marks(scene: Scene) -> Marks:
-    """Places and directions at which a picture shows supports and loads."""
-    points, held = scene.mesh.points, scene.held
-    still = held.fixed & (held.values == 0)
-    ids = _thinned(np.flatnonzero(still.any(axis=1)), MOST_HELD)
-    moving = _thinned(np.flatnonzero((held.fixed & ~still).any(axis=1)), MOST_ARROWS)
-    vectors = held.values[moving]
-    moved = np.hstack(
-        [points[moving], (vectors / (np.linalg.norm(vectors, axis=1).max(initial=0.0) or 1.0))]
-    )
-    arrows = [_arrows(scene, load) for load in scene.tractions]
-    largest = max((np.linalg.norm(a[:, 3:], axis=1).max(initial=0.0) for a in arrows), default=0.0)
-    joined = np.concatenate([np.zeros((0, 6)), *arrows])
-    joined[:, 3:] /= largest or 1.0
-    size = float(np.linalg.norm(scene.gravity_vector))
-    lines = [np.zeros((0, 6)), *(outline(o, scene.mesh.bounds) for o in scene.obstacles)]
-    way = np.asarray(scene.gravity_vector) / (size or 1.0)
-    planes = [o for o in scene.obstacles if isinstance(o, Plane)]
-    floors = [outline(o, scene.mesh.bounds)[None, :, :3] for o in planes]
-    floors = np.concatenate([np.zeros((0, 4, 3)), *floors])
-    return Marks(points[ids], moved, joined, way, np.concatenate(lines), floors)
+def _holds_of_scenario(scene: Scene) -> Iterator[Hold]:
+    """Points alike in what is held of them, called by where they are."""
+    fixed, upwards = scene.held.fixed, up_vector(scene.up)
+    low, high = sorted(scene.mesh.bounds @ upwards)
+    for pattern in np.unique(fixed[fixed.any(axis=1)], axis=0):
+        ids = np.flatnonzero((fixed == pattern).all(axis=1))
+        z = (scene.mesh.points[ids] @ upwards).mean()
+        end = "its base" if z - low <= high - z else "its top"
+        yield Hold(end, ids, tuple(np.flatnonzero(pattern).tolist()))
 
 
 def vector_words(vector: np.ndarray, unit: str) -> str:
@@ -92,111 +137,39 @@ def _way(unit: np.ndarray) -> str:
     return f"along ({', '.join(f'{x:.3g}' for x in np.round(unit, 3) + 0.0)})"
 
 
-def _supports(scene: Scene) -> Iterator[Acting]:
-    held = scene.held
-    for hold in scene.holds or _found(scene):
-        directions = "in all directions" if len(hold.axes) == 3 else f"in {_named(hold.axes)} only"
-        count = f"{len(hold.points):,} points"
-        if any(hold.by):
-            way = vector_words(np.array(hold.by), "m")
-            yield Acting("motion", f"{hold.name} is moved by {way} ({count})")
-        else:
-            yield Acting("support", f"{hold.name} is held {directions} ({count})")
-    if held.springs.any():
-        count = int(held.springs.any(axis=1).sum())
-        yield Acting("support", f"springs of {si(float(held.springs.sum()), 'N/m')} at {count:,}")
-    if not (held.fixed.any() or held.springs.any()):
-        yield Acting("support", "nothing holds it")
+def marks(scene: Scene) -> Marks:
+    """Places and directions at which a picture shows supports and loads."""
 
+    def thinned(ids: np.ndarray, most: int) -> np.ndarray:
+        chosen = np.linspace(0, len(ids) - 1, min(most, len(ids))).round().astype(int)
+        return ids[chosen]
 
-def _found(scene: Scene) -> Iterator[Hold]:
-    """What a scenario holds: points alike in what is held of them, called by where they are."""
-    fixed = scene.held.fixed
-    for pattern in np.unique(fixed[fixed.any(axis=1)], axis=0):
-        ids = np.flatnonzero((fixed == pattern).all(axis=1))
-        upwards = up_vector(scene.up)
-        z = scene.mesh.points[ids] @ upwards
-        low, high = sorted(scene.mesh.bounds @ upwards)
-        end = "its base" if z.mean() - low <= high - z.mean() else "its top"
-        yield Hold(end, ids, tuple(np.flatnonzero(pattern).tolist()))
-
-
-def _named(axes: tuple[int, ...]) -> str:
-    return " and ".join(AXES[axis] for axis in axes)
-
-
-def _loads(scene: Scene) -> Iterator[Acting]:
+    points, held, bounds = scene.mesh.points, scene.held, scene.mesh.bounds
+    still = held.fixed & (held.values == 0)
+    ids = thinned(np.flatnonzero(still.any(axis=1)), MOST_HELD)
+    moving = thinned(np.flatnonzero((held.fixed & ~still).any(axis=1)), MOST_ARROWS)
+    vectors = held.values[moving]
+    vectors = vectors / (np.linalg.norm(vectors, axis=1).max(initial=0.0) or 1.0)
+    arrows = [np.zeros((0, 6))]
     for load in scene.tractions:
-        yield Acting("load", _load(scene, load))
-    if scene.forces is not None:
-        yield Acting("load", f"forces at points, {vector_words(scene.forces.sum(axis=0), 'N')}")
-
-
-def _load(scene: Scene, load: Traction) -> str:
-    total = resultant(scene.mesh, load)
-    area = f"over {area_words(total.area)}"
-    name = f"on {load.name}" if load.name else "on the surface"
-    sizes = np.linalg.norm(np.broadcast_to(load.value, (len(load.faces), 3)), axis=1)
-    sum_of_sizes = float(sizes @ face_areas(scene.mesh.points, load.faces))
-    if np.linalg.norm(total.force) > BALANCED * sum_of_sizes:
-        return f"{vector_words(total.force, 'N')} {name}, {area}"
-    if np.ptp(sizes) <= ALONG * sizes.max():
-        return f"a pressure of {si(float(sizes.max()), 'Pa')} {name}, without a net force, {area}"
-    return f"a torque of {vector_words(total.torque, 'N m')} {name}, {area}"
-
-
-def _gravity(scene: Scene) -> Iterator[Acting]:
-    if np.any(scene.gravity_vector):
-        way = vector_words(np.asarray(scene.gravity_vector), "m/s²")
-        weight = scene.mesh.mass * float(np.linalg.norm(scene.gravity_vector))
-        yield Acting("gravity", f"gravity of {way}: its weight is {si(weight, 'N')}")
-    else:
-        yield Acting("gravity", "no gravity")
-
-
-def _obstacles(scene: Scene) -> Iterator[Acting]:
-    for obstacle in scene.obstacles:
-        words = _obstacle(obstacle)
-        if np.any(obstacle.velocity):
-            words += f", moving {vector_words(np.asarray(obstacle.velocity), 'm/s')}"
-        if scene.friction:
-            words += f", friction {scene.friction:g}"
-        yield Acting("obstacle", words)
-
-
-def _obstacle(obstacle: Obstacle) -> str:
-    if isinstance(obstacle, Plane):
-        normal = np.asarray(obstacle.normal, dtype=float) / np.linalg.norm(obstacle.normal)
-        level = si(float(normal @ np.asarray(obstacle.point)), "m")
-        return f"a plane that faces {_way(normal).removeprefix('along ')}, at {level}"
-    if isinstance(obstacle, Sphere):
-        return f"a ball of radius {si(obstacle.radius, 'm')}"
-    if isinstance(obstacle, Capsule):
-        return f"a capsule of radius {si(obstacle.radius, 'm')}"
-    if isinstance(obstacle, Box):
-        return f"a box of {' × '.join(si(2 * float(h), 'm') for h in obstacle.half)}"
-    return f"an obstacle ({type(obstacle).__name__})"
-
-
-def _arrows(scene: Scene, load: Traction) -> np.ndarray:
-    """Where and how strongly a traction acts, on some of its faces, (n, 6)."""
-    chosen = _thinned(np.arange(len(load.faces)), MOST_ARROWS)
-    middles = scene.mesh.points[load.faces[chosen]].mean(axis=1)
-    return np.hstack([middles, np.broadcast_to(load.value, (len(load.faces), 3))[chosen]])
-
-
-def _thinned(ids: np.ndarray, most: int) -> np.ndarray:
-    if len(ids) <= most:
-        return ids
-    return ids[np.linspace(0, len(ids) - 1, most).round().astype(int)]
-
-
-# Outlines of obstacles: lines that a picture draws around them.
-
-# Lines of a circle.
-SIDES = 32
-# A plane is drawn as a square that reaches this many sizes of the body from under its middle.
-REACH = 0.75
+        chosen = thinned(np.arange(len(load.faces)), MOST_ARROWS)
+        middles = points[load.faces[chosen]].mean(axis=1)
+        values = np.broadcast_to(load.value, (len(load.faces), 3))[chosen]
+        arrows.append(np.hstack([middles, values]))
+    joined = np.concatenate(arrows)
+    joined[:, 3:] /= np.linalg.norm(joined[:, 3:], axis=1).max(initial=0.0) or 1.0
+    way = np.asarray(scene.gravity_vector)
+    lines = [outline(obstacle, bounds) for obstacle in scene.obstacles]
+    floors = [line[None, :, :3] for line, one in zip(lines, scene.obstacles, strict=True)
+              if isinstance(one, Plane)]  # fmt: skip
+    return Marks(
+        points[ids],
+        np.hstack([points[moving], vectors]),
+        joined,
+        way / (float(np.linalg.norm(way)) or 1.0),
+        np.concatenate([np.zeros((0, 6)), *lines]),
+        np.concatenate([np.zeros((0, 4, 3)), *floors]),
+    )
 
 
 def outline(obstacle: Obstacle, bounds: Float[np.ndarray, "2 3"]) -> Float[np.ndarray, "lines 6"]:

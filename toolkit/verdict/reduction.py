@@ -69,20 +69,9 @@ class WhatIfTable(NamedTuple):
     seconds: float
 
     @property
-    def without_rest(self) -> int:
-        """Runs that found none."""
-        return int(np.isnan(self.found.largest).sum())
-
-    @property
-    def errors(self) -> tuple[float, float]:
-        """Largest error [1] of displacement and of first frequency, of the runs compared."""
-        rest, tone = (float(np.abs(e).max()) for e in self.error[1:])
-        return rest, tone
-
-    @property
     def summary(self) -> str:
         """Runs, time and errors in a line."""
-        rest, tone = self.errors
+        rest, tone = (float(np.abs(e).max()) for e in (self.error.rest, self.error.frequency))
         return (
             f"{len(self.rows):,} runs in {self.seconds:.2g} s; of {len(self.error.runs)} that the "
             f"full body did too, displacement was within {rest:.2%}, first frequency {tone:.2%}"
@@ -91,10 +80,10 @@ class WhatIfTable(NamedTuple):
     @property
     def warnings(self) -> tuple[str, ...]:
         """Runs without an answer, and errors beyond the limit."""
-        found = []
-        if self.without_rest:
-            found.append(f"{self.without_rest} of {len(self.rows)} runs found no rest: no answer")
-        if max(self.errors) > MOTION_LIMIT:
+        found, without_rest = [], self.numbers["without_rest"]
+        if without_rest:
+            found.append(f"{without_rest} of {len(self.rows)} runs found no rest: no answer")
+        if max(np.abs(e).max() for e in (self.error.rest, self.error.frequency)) > MOTION_LIMIT:
             found.append(f"the reduced runs are not the full body's: {self.summary}")
         return tuple(found)
 
@@ -103,7 +92,7 @@ class WhatIfTable(NamedTuple):
         """Counts, time and errors."""
         return {
             "runs": len(self.rows),
-            "without_rest": self.without_rest,
+            "without_rest": int(np.isnan(self.found.largest).sum()),
             "seconds": self.seconds,
             "compared": self.error.runs,
             "rest_error": self.error.rest,
@@ -169,16 +158,15 @@ class Match(FewNumbers):
     @property
     def summary(self) -> str:
         """Scale of E, nu, errors and the ratio of frequencies, in a line, at both ends."""
-        return "; stiff: ".join(self._said(fit) for fit in (self.fit, self.stiff) if fit)
-
-    @staticmethod
-    def _said(fit: MotionFit) -> str:
-        nu = "" if fit.nu is None else f", nu {fit.nu:.4f} (correlation {fit.correlation:.3f})"
-        return (
-            f"E x {fit.scale:.4f} (+-{fit.deviation[0]:.2%} if the misfit is noise){nu}; error "
-            f"{fit.error:.2%}, before {fit.unfitted_error:.2%}; first frequency "
-            f"{fit.frequency_ratio:.3f} of the full body's; {fit.scheme.value}"
-        )
+        lines = []
+        for fit in filter(None, (self.fit, self.stiff)):
+            nu = "" if fit.nu is None else f", nu {fit.nu:.4f} (correlation {fit.correlation:.3f})"
+            lines.append(
+                f"E x {fit.scale:.4f} (+-{fit.deviation[0]:.2%} if the misfit is noise){nu}; error "
+                f"{fit.error:.2%}, before {fit.unfitted_error:.2%}; first frequency "
+                f"{fit.frequency_ratio:.3f} of the full body's; {fit.scheme.value}"
+            )
+        return "; stiff: ".join(lines)
 
     @property
     def numbers(self) -> dict[str, Any]:

@@ -17,8 +17,7 @@ from ...fem.grain import grained_parts
 from ...fem.mesh import TetMesh
 from ...predictors.asset import Asset
 from ..asset.document import Sidecar, mesh_document, versions
-from ..options import AssignOptions
-from ..walls import WallOptions
+from ..options import AssignOptions, WallOptions
 from .assignment import Assignment
 from .simulation import Simulation
 from .verdict import ADVICE, Verdict, as_table, in_a_line
@@ -184,9 +183,6 @@ class Stopwatch:
     def _now() -> tuple[float, float]:
         """Time on the wall, and that of this process and of its children that have ended [s]."""
         return time.perf_counter(), sum(os.times()[:4])
-
-
-# What `convert` returns: a tet mesh and the report that proves its guarantees.
 
 
 @dataclass(frozen=True, eq=False)

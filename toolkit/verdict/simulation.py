@@ -109,8 +109,8 @@ class Simulation(ABC):
 
     @property
     def frequencies(self) -> tuple[float, ...]:
-        """First natural frequencies [Hz], where they are known."""
-        return ()
+        """First natural frequencies [Hz], the slowest first, where they are known."""
+        return () if self.vibrations is None else tuple(self.vibrations.frequencies.tolist())
 
     @property
     def vibrations(self) -> Modes | None:
@@ -171,9 +171,7 @@ class Simulation(ABC):
         }
 
 
-# A body at rest under its load, as `simulate` returns it.
-
-# Share of the load in each frame of a static answer's motion: it comes on slowly and linearly.
+# Fraction of the load in each frame of a static answer's motion: it comes on slowly and linearly.
 RAMP = np.linspace(0, 1, 6)
 
 
@@ -193,7 +191,7 @@ class Settled(Simulation):
 
     @property
     def animation(self) -> Animation:
-        """The load comes on slowly; its share takes the place of the time."""
+        """The load comes on slowly; its fraction takes the place of the time."""
         return Animation(RAMP, RAMP[:, None, None] * self.displacement)
 
     @property
@@ -264,11 +262,6 @@ class Settled(Simulation):
         return self.modes
 
     @property
-    def frequencies(self) -> tuple[float, ...]:
-        """First natural frequencies [Hz] of the body as it stands."""
-        return () if self.modes is None else tuple(self.modes.frequencies.tolist())
-
-    @property
     def warnings(self) -> tuple[str, ...]:
         """What the solver assumed."""
         return self.solved.warnings
@@ -296,9 +289,6 @@ class Settled(Simulation):
         return with_unmade(checks)
 
 
-# A body in motion, as `simulate` returns it.
-
-
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class Moving(Simulation):
     """A body that falls, is squeezed, blown at or torn."""
@@ -320,38 +310,24 @@ class Moving(Simulation):
     @property
     def numbers(self) -> dict[str, Any]:
         """Frames, step [s], largest motion and smallest gap [m], forces [N], energies [J]."""
-        frames = self.motion.frames
-        pushes = np.linalg.norm(self.motion.obstacle_forces, axis=2)
-        forces = pushes.max(axis=0)
-        # Energies [J]: given, the most beyond that, lost, most in one frame, its end [s]
         from ...fem.solve.result import energy_balance
 
-        found = energy_balance(self.motion, self.scene)
-        return {
-            "frames": len(frames),
-            "dt": self.motion.dt,
-            "max_displacement": float(np.linalg.norm(self.motion.displacements, axis=2).max()),
-            "smallest_gap": self.motion.smallest_gap,
+        motion, names, run = self.motion, self._piece_names, self.motion.particles
+        # Forces of the obstacles, frame by frame, and of the pieces on each other
+        pushes = np.linalg.norm(motion.obstacle_forces, axis=2)
+        forces, pressures = pushes.max(axis=0), motion.largest_pressures
+        found: dict[str, Any] = {
+            "frames": len(motion.frames),
+            "dt": motion.dt,
+            "max_displacement": float(np.linalg.norm(motion.displacements, axis=2).max()),
+            "smallest_gap": motion.smallest_gap,
             "max_contact_force": float(forces.max(initial=0.0)),
             "max_obstacle_forces": forces.tolist(),
             "obstacle_forces": pushes.tolist(),
-            **self._contact(),
-            "energy": [f.energy for f in frames],
-            "energy_balance": (found and found._asdict()),
-            "order": self.motion.order,
-            "newton_iterations": sum(f.iterations for f in frames),
-            "model_error": self.motion.model_error,
-            "stiffening": self.motion.stiffening,
-            **({} if self.motion.particles is None else {"particles": self._particles()}),
         }
-
-    def _contact(self) -> dict[str, Any]:
-        """Largest pressures [Pa], and forces [N] of the pieces on each other: largest and last."""
-        found: dict[str, Any] = {}
-        if (pressures := self.motion.largest_pressures) is not None:
+        if pressures is not None:
             found["max_obstacle_pressures"] = pressures.obstacles.tolist()
             found["max_own_pressure"] = pressures.own
-        forces, names = self.motion.piece_forces, self._piece_names
         found["piece_forces"] = [
             {
                 "on": names[on],
@@ -359,21 +335,28 @@ class Moving(Simulation):
                 "largest": float(np.linalg.norm(force, axis=1).max()),
                 "last": force[-1].tolist(),
             }
-            for (on, by), force in forces.items()
+            for (on, by), force in motion.piece_forces.items()
         ]
+        # Energies [J]: given, the most beyond that, lost, most in one frame, its end [s]
+        balance = energy_balance(motion, self.scene)
+        found |= {
+            "energy": [f.energy for f in motion.frames],
+            "energy_balance": balance and balance._asdict(),
+            "order": motion.order,
+            "newton_iterations": sum(f.iterations for f in motion.frames),
+            "model_error": motion.model_error,
+            "stiffening": motion.stiffening,
+        }
+        if run is not None:
+            known = ("substeps", "outside", "stationary", "rigid", "bodies", "capped")
+            known += ("lagrangian", "spacing", "nodes", "plan")
+            particles = {name: getattr(run, name) for name in known}
+            found["particles"] = {"count": len(run.part), **particles}
         return found
 
     @cached_property
     def _piece_names(self) -> tuple[str, ...]:
         return piece_names(self.mesh)
-
-    def _particles(self) -> dict[str, Any]:
-        """Counts of the particles, steps, and what was expected before them."""
-        run = self.motion.particles
-        assert run is not None
-        counts = ("substeps", "outside", "stationary", "rigid", "bodies", "capped", "lagrangian")
-        known = {name: getattr(run, name) for name in (*counts, "spacing", "nodes", "plan")}
-        return {"count": len(run.part), **known}
 
     @property
     def particles(self) -> ParticleRun | None:
@@ -385,18 +368,15 @@ class Moving(Simulation):
         """Particles, grid and steps, where particles moved it; else what the method says."""
         run = self.motion.particles
         if run is None:
-            count = len(self.motion.frames) - 1
+            count, order = len(self.motion.frames) - 1, self.motion.order
+            kind = {1: "linear", 2: "quadratic"}.get(order)
+            elements = (("Elements", f"{kind} tets"),) if kind else ()
             steps = ("Steps", f"{count:,} of {si(self.motion.dt, 's')}")
-            return (*self._elements, *self.motion.solution, steps)
+            return (*elements, *self.motion.solution, steps)
         grid = "x".join(map(str, run.nodes))
         words = f"{len(run.part):,} particles on {grid} nodes, {run.spacing:.3g} m apart"
         law = ("Law", "; ".join(run.laws))
         return (law, ("Material points", words), ("Steps", f"{run.substeps:,}"))
-
-    @property
-    def _elements(self) -> tuple[tuple[str, str], ...]:
-        order = {1: "linear", 2: "quadratic"}.get(self.motion.order)
-        return (("Elements", f"{order} tets"),) if order else ()
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -423,12 +403,8 @@ class Moving(Simulation):
         return [*met, *energy, *suits, *follows(self.motion)]
 
 
-# The vibrations of a body, as `simulate` returns them.
-
-# Frames of one period of a natural vibration.
-SWING = np.arange(24) / 24
-# A vibration is drawn with this largest displacement, as a share of the diagonal: its size is free.
-DRAWN = 0.05
+SWING = np.arange(24) / 24  # frames of one period of a natural vibration
+DRAWN = 0.05  # of the diagonal: the largest displacement that is drawn, for its size is free
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
@@ -476,11 +452,6 @@ class Ringing(Simulation):
     def vibrations(self) -> Modes | None:
         """Natural vibrations of the body as it stands."""
         return self.modes
-
-    @property
-    def frequencies(self) -> tuple[float, ...]:
-        """Natural frequencies [Hz], the slowest first."""
-        return tuple(self.modes.frequencies.tolist())
 
     def checks(self) -> Sequence[Check]:
         """Rings or wobbles; within which range."""

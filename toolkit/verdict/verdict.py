@@ -85,25 +85,23 @@ def with_doubts(found: Sequence[Verdict], differences: Sequence[str]) -> list[Ve
     That is where the size is that of another unit, and where the mesh has ``differences`` from its
     file, which come first.
     """
+
+    def doubted(why: str) -> list[Verdict]:
+        return [
+            replace(one, mark="note", sentence=f"{one.sentence} {why}")
+            if one.mark == "good" and one.detail in OF_THE_BODY
+            else one
+            for one in found
+        ]
+
     if any(one.detail == "size" and one.mark != "good" for one in found):
-        found = _doubted(found, "That is at this size.")
+        found = doubted("That is at this size.")
     if not differences:
         return list(found)
     first = f"The mesh differs from the file: {'; '.join(differences)}."
-    of_mesh = _doubted(found, "That is the mesh's.")
+    of_mesh = doubted("That is the mesh's.")
     return [Verdict("warning", first, "body", ADVICE["body"]), *of_mesh]
 
-
-def _doubted(found: Sequence[Verdict], why: str) -> list[Verdict]:
-    return [
-        replace(one, mark="note", sentence=f"{one.sentence} {why}")
-        if one.mark == "good" and one.detail in OF_THE_BODY
-        else one
-        for one in found
-    ]
-
-
-# A result in one line, for a prompt, and as a small table, for a notebook.
 
 _COLUMNS = ("part", "material", "E", "nu", "kg/m³", "mass", "because")
 
@@ -127,8 +125,23 @@ def as_table(result: Told) -> str:
     document = result.document()
     lines = [f"<b>{escape(type(result).__name__)}</b>: {escape(', '.join(_facts(document)))}"]
     if rows := document.get("parts"):
+        cells = [
+            (
+                row["name"],
+                row["material"],
+                si(row["E"], "Pa"),
+                rounded(row["nu"], 3),
+                rounded(row["rho"], 4),
+                mass_words(row["mass"]),
+                row["why"],
+            )
+            for row in rows
+        ]
+        table = "".join(
+            f"<tr>{''.join(f'<td>{escape(str(cell))}</td>' for cell in row)}</tr>" for row in cells
+        )
         head = "".join(f"<th>{name}</th>" for name in _COLUMNS)
-        lines.append(f"<table><tr>{head}</tr>{''.join(map(_row, rows))}</table>")
+        lines.append(f"<table><tr>{head}</tr>{table}</table>")
     found = [f"{MARKS[v.mark]} {v.sentence}" for v in _verdicts(document)]
     found += [f"⚠ {warning}" for warning in document.get("warnings", ())]
     return "<br>".join([*lines, *map(escape, found)])
@@ -161,28 +174,15 @@ def _verdicts(document: Mapping[str, Any]) -> list[Verdict]:
     return found
 
 
-def _row(part: Mapping[str, Any]) -> str:
-    cells = (
-        part["name"],
-        part["material"],
-        si(part["E"], "Pa"),
-        rounded(part["nu"], 3),
-        rounded(part["rho"], 4),
-        mass_words(part["mass"]),
-        part["why"],
-    )
-    return f"<tr>{''.join(f'<td>{escape(str(cell))}</td>' for cell in cells)}</tr>"
-
-
-# Numbers as a reader wants them: with an SI prefix, in the unit of their size, rounded.
-
 _PREFIXES = {9: "G", 6: "M", 3: "k", 0: "", -3: "m", -6: "µ", -9: "n"}
 
 
-def si(value: float, unit: str, *, digits: int = 3) -> str:
+def si(value: float, unit: str) -> str:
     """Value with an SI prefix: ``si(1.2e9, "Pa") gives 1.20 GPa``."""
-    power, prefix = _prefix(value)
-    return f"{rounded(value / 10**power, digits)}\u00a0{prefix}{unit}"
+    power = 0
+    if value != 0 and np.isfinite(value):
+        power = int(np.clip(3 * np.floor(np.log10(abs(value) * (1 + 1e-9)) / 3), -9, 9))
+    return f"{rounded(value / 10**power, 3)}\u00a0{_PREFIXES[power]}{unit}"
 
 
 def si_span(lo: float, hi: float, unit: str) -> str:
@@ -207,9 +207,9 @@ def area_words(value: float) -> str:
 
 def volume_words(value: float) -> str:
     """Volume [m^3] in mm³, cm³ or m³."""
-    for size, unit in ((1e-6, "mm³"), (1e-1, "cm³")):
-        if value < size:
-            return f"{rounded(value * (1e9 if unit == 'mm³' else 1e6), 3)}\u00a0{unit}"
+    for size, unit, most in ((1e9, "mm³", 1e-6), (1e6, "cm³", 1e-1)):
+        if value < most:
+            return f"{rounded(value * size, 3)}\u00a0{unit}"
     return f"{rounded(value, 3)}\u00a0m³"
 
 
@@ -235,10 +235,3 @@ def value_words(value: object) -> str:
     if isinstance(value, list | tuple):
         return ", ".join(map(value_words, value))
     return "–" if value is None else str(value)
-
-
-def _prefix(value: float) -> tuple[int, str]:
-    if value == 0 or not np.isfinite(value):
-        return 0, ""
-    power = int(np.clip(3 * np.floor(np.log10(abs(value) * (1 + 1e-9)) / 3), -9, 9))
-    return power, _PREFIXES[power]
