@@ -56,14 +56,9 @@ def append_material(
     (.splat, .spz, .ksplat, .xyz) is copied to an ``out_path`` of its own suffix, with the values
     in ``STEM.npz`` beside it in the same order; it may also be written as .ply or .npz.
 
-    Parameters
-    ----------
-    source
-        The field; a mesh is first turned into one of ``cells`` voxels along its longest side.
-    target_path
-        Splats, a point cloud or a density grid, in the metres and axes of the source.
-    out_path
-        Where to write.
+    source: The field; a mesh is first turned into one of ``cells`` voxels along its longest side.
+    target_path: Splats, a point cloud or a density grid, in the metres and axes of the source.
+    out_path: Where to write.
     """
     field = field_from_tets(source, cells=cells) if isinstance(source, TetMesh) else source
     target_path, out_path = Path(target_path), Path(out_path)

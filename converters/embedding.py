@@ -213,18 +213,11 @@ ON_CELL = 1e-6
 class Embedding:
     """Where points lie in a mesh.
 
-    Parameters
-    ----------
-    mesh
-        The mesh at rest.
-    tet
-        Tet of every point, shape (n,): the one around it, or the nearest.
-    weights
-        Barycentric coordinates in it, shape (n, 4); some are negative outside.
-    outside
-        Points in no tet, shape (n,): they follow the affine map of the nearest one.
-    away
-        Distance of such a point from the surface [m], shape (n,); 0 of points inside.
+    mesh: The mesh at rest.
+    tet: Tet of every point, shape (n,): the one around it, or the nearest.
+    weights: Barycentric coordinates in it, shape (n, 4); some are negative outside.
+    outside: Points in no tet, shape (n,): they follow the affine map of the nearest one.
+    away: Distance of such a point from the surface [m], shape (n,); 0 of points inside.
     """
 
     mesh: TetMesh

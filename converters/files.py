@@ -114,10 +114,7 @@ def holding(folder: str | os.PathLike) -> Iterator[None]:
 def alone(folder: str | os.PathLike) -> Iterator[None]:
     """Hold a folder for this process, and no other one, for the time of a block.
 
-    Raises
-    ------
-    InputError
-        Where another process holds it, or it cannot be made.
+    Raises InputError: Where another process holds it, or it cannot be made.
     """
     import fcntl
 

@@ -51,10 +51,7 @@ def with_grains(
     longest axis; a part without one, or whose E is not its row's, stays isotropic. The rings may
     lie anyhow about the grain: the compliance is their mean.
 
-    Raises
-    ------
-    UsageError
-        Where a direction is stated of a part that has no grain.
+    Raises UsageError: Where a direction is stated of a part that has no grain.
     """
     grains, material = load_grains(), material_of(mesh)
     for part in stated:

@@ -41,30 +41,19 @@ DNU = 1e-6
 class MotionFit:
     """A reduced body fitted to a motion.
 
-    Parameters
-    ----------
-    scale
-        What E of all cells is multiplied by [1].
-    nu
-        Poisson's ratio [1] of all cells, where it was fitted; else None.
-    error
-        Root mean square of the displacement's error over that of the motion, by mass [1].
-    unfitted_error
-        The same with the moduli as they were.
-    outside
-        Fraction of the motion [1], in the same norm, that the coordinates cannot follow whatever
-        the moduli.
-    frequency_ratio
-        First frequency of the reduced body over that of the full one of the same moduli, with
-        quadratic elements where that is known: away from one the model locks, and the fit makes up
-        for it with wrong moduli.
-    covariance
-        Of (log E, nu), or of (log E), shape (parameters, parameters), as if the misfit were noise:
-        what the model itself has wrong is not in it, and may be far more.
-    scheme
-        Time integration that was fitted with.
-    runs
-        How many motions it took.
+    scale: What E of all cells is multiplied by [1].
+    nu: Poisson's ratio [1] of all cells, where it was fitted; else None.
+    error: Root mean square of the displacement's error over that of the motion, by mass [1].
+    unfitted_error: The same with the moduli as they were.
+    outside: Fraction of the motion [1], in the same norm, that the coordinates cannot follow
+        whatever the moduli.
+    frequency_ratio: First frequency of the reduced body over that of the full one of the same
+        moduli, with quadratic elements where that is known: away from one the model locks, and the
+        fit makes up for it with wrong moduli.
+    covariance: Of (log E, nu), or of (log E), shape (parameters, parameters), as if the misfit were
+        noise: what the model itself has wrong is not in it, and may be far more.
+    scheme: Time integration that was fitted with.
+    runs: How many motions it took.
     """
 
     scale: float
@@ -118,12 +107,8 @@ def fit_motion(
     The distance is that of the displacement at the points, in the norm of their mass, but for what
     lies outside the span. ``scheme`` should be what the motion was made with.
 
-    Raises
-    ------
-    InputError
-        Where the motion is empty or of another mesh.
-    ConvergenceError
-        Where a step fails, or the moduli do not settle.
+    Raises InputError: Where the motion is empty or of another mesh.
+    Raises ConvergenceError: Where a step fails, or the moduli do not settle.
     """
     u = observed.displacement
     if len(u) < 3 or u.shape[1] != model.vertices or not np.abs(u[1:]).max() > 0:

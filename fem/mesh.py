@@ -302,10 +302,7 @@ def free_motions(mesh: TetMesh, held: Bool[np.ndarray, "points 3"]) -> FreeMotio
 
     Every component has six; supports, and points shared with others, resist them.
 
-    Raises
-    ------
-    InputError
-        If the mesh has more than ``MAX_COMPONENTS`` components.
+    Raises InputError: If the mesh has more than ``MAX_COMPONENTS`` components.
     """
     labels = face_components(mesh)
     count = int(labels.max()) + 1

@@ -20,14 +20,9 @@ T = TypeVar("T")
 class Registry(Mapping[str, T]):
     """Members of one ``kind`` by name, each imported on first use.
 
-    Parameters
-    ----------
-    kind
-        What a member is called in messages: "predictor".
-    package
-        Package that the modules of ``members`` are relative to.
-    members
-        Name -> "module:attribute".
+    kind: What a member is called in messages: "predictor".
+    package: Package that the modules of ``members`` are relative to.
+    members: Name -> "module:attribute".
     """
 
     def __init__(self, kind: str, package: str, members: Mapping[str, str]) -> None:

@@ -97,20 +97,12 @@ CATEGORIES: Mapping[str, Band] = {
 class Material:
     """A row of the table.
 
-    Parameters
-    ----------
-    name, category
-        Its unique name and the key of its band in ``CATEGORIES``.
-    E, nu, rho
-        [min, max] of Young's modulus [Pa], Poisson's ratio [1] and density [kg/m^3].
-    source, note
-        Where the numbers come from, and what to know about them.
-    aliases
-        Everyday words that mean this row ("steel" is carbon steel).
-    estimated
-        Those of E, nu, rho that are engineering estimates, without a source.
-    grade
-        A grade, a species or another special kind ("AISI 304", "snakewood"): taken where it is
+    name, category: Its unique name and the key of its band in ``CATEGORIES``.
+    E, nu, rho: [min, max] of Young's modulus [Pa], Poisson's ratio [1] and density [kg/m^3].
+    source, note: Where the numbers come from, and what to know about them.
+    aliases: Everyday words that mean this row ("steel" is carbon steel).
+    estimated: Those of E, nu, rho that are engineering estimates, without a source.
+    grade: A grade, a species or another special kind ("AISI 304", "snakewood"): taken where it is
         named, never by nearness.
     """
 
@@ -318,19 +310,13 @@ StrengthKind = Literal["yield", "ultimate", "crushing"]
 class Strength:
     """The stress at which a material gives way.
 
-    Parameters
-    ----------
-    kind
-        What happens there: ``yield`` (it stays bent: metals, tough plastics, foams), ``ultimate``
+    kind: What happens there: ``yield`` (it stays bent: metals, tough plastics, foams), ``ultimate``
         (it breaks: wood, glass, rubber, laminates) or ``crushing`` (it breaks, and is used in
         compression: stone, concrete).
-    tension
-        Lowest and highest stress in tension [Pa]: soft to hard temper, poor to good quality. Of
-        wood and of glass it is the modulus of rupture in bending, along the grain.
-    compression
-        The same in compression [Pa]; None where it is as strong as in tension.
-    source
-        Where the numbers come from.
+    tension: Lowest and highest stress in tension [Pa]: soft to hard temper, poor to good quality.
+        Of wood and of glass it is the modulus of rupture in bending, along the grain.
+    compression: The same in compression [Pa]; None where it is as strong as in tension.
+    source: Where the numbers come from.
     """
 
     kind: StrengthKind
@@ -370,18 +356,11 @@ class OrthotropicConstants(NamedTuple):
 class Grain:
     """Elastic ratios of a material with a grain or fibres, all relative to E along them.
 
-    Parameters
-    ----------
-    ER, ET
-        E across the grain, radial and tangential to the rings, over E along it [1].
-    GLR, GLT, GRT
-        Shear moduli over E along the grain [1].
-    nu_LR, nu_LT, nu_RT
-        Poisson's ratios [1]; the first letter is the direction of the stress.
-    source
-        Where the numbers come from.
-    estimated
-        Those of them that are engineering estimates.
+    ER, ET: E across the grain, radial and tangential to the rings, over E along it [1].
+    GLR, GLT, GRT: Shear moduli over E along the grain [1].
+    nu_LR, nu_LT, nu_RT: Poisson's ratios [1]; the first letter is the direction of the stress.
+    source: Where the numbers come from.
+    estimated: Those of them that are engineering estimates.
     """
 
     ER: float
@@ -409,15 +388,10 @@ class Grain:
 class Colour:
     """The typical colour of a bare material, not painted: CIE L*a*b* of 1976 at D65.
 
-    Parameters
-    ----------
-    L, a, b
-        Lightness 0 to 100, green to red, blue to yellow [1].
-    spread
-        Standard deviation of the distance from it (CIE 1976 Delta E) [1]: 5 is a shade, 15 a
+    L, a, b: Lightness 0 to 100, green to red, blue to yellow [1].
+    spread: Standard deviation of the distance from it (CIE 1976 Delta E) [1]: 5 is a shade, 15 a
         species or a batch, above 30 it comes in all colours.
-    source
-        Where the colour comes from, or ``judgement``.
+    source: Where the colour comes from, or ``judgement``.
     """
 
     L: float
@@ -431,18 +405,11 @@ class Colour:
 class Flow:
     """How a material flows, slides or breaks; None where that is not known.
 
-    Parameters
-    ----------
-    yield_stress
-        Lowest and highest stress at which a paste begins to flow [Pa].
-    viscosity
-        Of a liquid, or of a paste beyond its yield stress [Pa s].
-    friction
-        Angle of internal friction of grains [deg].
-    fracture
-        Energy of a crack [J/m^2].
-    source, estimated
-        Where the numbers come from, and which of them are estimates.
+    yield_stress: Lowest and highest stress at which a paste begins to flow [Pa].
+    viscosity: Of a liquid, or of a paste beyond its yield stress [Pa s].
+    friction: Angle of internal friction of grains [deg].
+    fracture: Energy of a crack [J/m^2].
+    source, estimated: Where the numbers come from, and which of them are estimates.
     """
 
     yield_stress: Span | None

@@ -37,32 +37,17 @@ def predict_materials(
 ) -> Prediction:
     """Return the material of every part; what is one thing several times is found once.
 
-    Parameters
-    ----------
-    parts
-        The cells [m] of every part.
-    bound
-        What the user says of the object, and of which part.
-    predictor
-        Who finds what words leave open, or its name in ``PREDICTORS``.
-    overrides, materials, values, alpha, volumes
-        As ``Lookup.settle`` takes them; volumes [m^3].
-    samples
-        How many plausible materials to draw of every part that words leave open.
-    usual
-        By part a kind of thing and its usual material, for where no word names another.
-    up
-        The axis that points up.
-    appearance
-        Gives what is seen of the cells; called only where words leave a part open.
-    table
-        The materials, by default those of the package.
-
-    Raises
-    ------
-    UsageError
-        Where a part, a material or the predictor is unknown, a part is stated twice, ``alpha`` is
-        to move, or ``samples`` to draw, what a predictor finds that cannot do it.
+    parts: The cells [m] of every part.
+    bound: What the user says of the object, and of which part.
+    predictor: Who finds what words leave open, or its name in ``PREDICTORS``.
+    overrides, materials, values, alpha, volumes: As ``Lookup.settle`` takes them; volumes [m^3].
+    samples: How many plausible materials to draw of every part that words leave open.
+    usual: By part a kind of thing and its usual material, for where no word names another.
+    up: The axis that points up.
+    appearance: Gives what is seen of the cells; called only where words leave a part open.
+    table: The materials, by default those of the package.
+    Raises UsageError: Where a part, a material or the predictor is unknown, a part is stated twice,
+        ``alpha`` is to move, or ``samples`` to draw, what a predictor finds that cannot do it.
     """
     if both := {key(name) for name in overrides or {}} & {key(name) for name in materials or {}}:
         raise UsageError(

@@ -39,24 +39,15 @@ _SOLID, _HOLLOW = frozenset({"solid", "massive"}), frozenset({"hollow", "inflate
 class Construction:
     """How a part is built.
 
-    Parameters
-    ----------
-    part
-        Its name.
-    form
-        Solid, with walls in its very shape, a shell, or unknown: then taken as solid.
-    wall
-        Thickness of the wall [m], as an interval; None of a solid.
-    inside
-        Mean density of what the wall holds [kg/m^3], 0 for air.
-    filling
-        Row of the table that it is full of, or "".
-    why
-        What decided.
-    source
-        Where the interval is from.
-    room_for
-        Density [kg/m^3] of what may be inside though nothing says so: of an interval of masses.
+    part: Its name.
+    form: Solid, with walls in its very shape, a shell, or unknown: then taken as solid.
+    wall: Thickness of the wall [m], as an interval; None of a solid.
+    inside: Mean density of what the wall holds [kg/m^3], 0 for air.
+    filling: Row of the table that it is full of, or "".
+    why: What decided.
+    source: Where the interval is from.
+    room_for: Density [kg/m^3] of what may be inside though nothing says so: of an interval of
+        masses.
     """
 
     part: str
@@ -90,12 +81,8 @@ class Construction:
 class ThingWords:
     """What the names of a part and the text say that it is.
 
-    Parameters
-    ----------
-    heads
-        Of its name, its other labels, the text and the name of the whole: stems up to the head.
-    said
-        Stems of what the text says that it is.
+    heads: Of its name, its other labels, the text and the name of the whole: stems up to the head.
+    said: Stems of what the text says that it is.
     """
 
     heads: tuple[tuple[str, ...], ...]
@@ -107,13 +94,9 @@ class ThingWords:
     ) -> ThingWords:
         """Return the words of a part.
 
-        Parameters
-        ----------
-        names
-            Its name, then all other words the asset has for it.
-        thing, object_name
-            What the text says that the object is, and what the asset is called: of the main part
-            only.
+        names: Its name, then all other words the asset has for it.
+        thing, object_name: What the text says that the object is, and what the asset is called: of
+            the main part only.
         """
         said = tuple(stem(word) for word in thing)
         heads = [*map(head_of_name, names), said, head_of_name(object_name)]
@@ -144,19 +127,13 @@ def construction_of(
 ) -> Construction:
     """Return how a part is built.
 
-    Parameters
-    ----------
-    part, words
-        Its name, and what it is called and said to be.
-    material
-        What it is made of.
-    hull_share, smallest_side
-        Its volume by that of its convex hull [1], and the smallest side of its box [m].
-    wall, solid, filling, in_mesh
-        What was said for certain: its wall [m], that it is solid, what it is full of; that the mesh
-        has its walls already.
-    contents
-        What things are called after that may hold it, "milk carton"; of no use to the full.
+    part, words: Its name, and what it is called and said to be.
+    material: What it is made of.
+    hull_share, smallest_side: Its volume by that of its convex hull [1], and the smallest side of
+        its box [m].
+    wall, solid, filling, in_mesh: What was said for certain: its wall [m], that it is solid, what
+        it is full of; that the mesh has its walls already.
+    contents: What things are called after that may hold it, "milk carton"; of no use to the full.
     """
     if solid or in_mesh:
         return Construction(part, "walls in its shape" if in_mesh else "solid", "as told")
@@ -234,14 +211,9 @@ def mass_interval(
 ) -> MassInterval:
     """Return the masses between which a part of this construction lies.
 
-    Parameters
-    ----------
-    densities
-        Of its material [kg/m^3].
-    volume
-        Its volume [m^3].
-    wall_volume
-        Gives the volume [m^3] of a wall [m].
+    densities: Of its material [kg/m^3].
+    volume: Its volume [m^3].
+    wall_volume: Gives the volume [m^3] of a wall [m].
     """
     found = [density * volume for density in densities]
     if construction.wall is not None:

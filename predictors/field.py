@@ -195,20 +195,11 @@ def sample_field(
 ) -> FieldSample:
     """Sample a field at points [m].
 
-    Parameters
-    ----------
-    field
-        The field; labels of its parts, where it has them, are never mixed.
-    points
-        Positions [m], shape (n, 3), inside the grid or not.
-    part
-        Label of each point in the field's ``part_names``, shape (n,), or ``ANY_PART`` (-1) for a
+    field: The field; labels of its parts, where it has them, are never mixed.
+    points: Positions [m], shape (n, 3), inside the grid or not.
+    part: Label of each point in the field's ``part_names``, shape (n,), or ``ANY_PART`` (-1) for a
         point that belongs to the part of the nearest voxel. None is ``ANY_PART`` for all.
-
-    Raises
-    ------
-    InputError
-        Where a point is not finite, or a label names a part that has no voxel.
+    Raises InputError: Where a point is not finite, or a label names a part that has no voxel.
     """
     points = np.asarray(points, dtype=np.float64)
     bad = np.flatnonzero(~np.isfinite(points).all(axis=1))

@@ -103,18 +103,12 @@ class Grid:
 class PartVoxels:
     """Which part of the asset fills each cell of a grid.
 
-    Parameters
-    ----------
-    grid
-        The grid [m].
-    part
-        Index into ``part_names`` of every cell, -1 outside the object, shape (nx, ny, nz).
-    part_names
-        Unique names of the parts.
-    labels
-        For each part, all words the asset has for it (node, group, material names); () for none.
-    shapes
-        For each part the first one of its shape, by number; () where shapes were not compared.
+    grid: The grid [m].
+    part: Index into ``part_names`` of every cell, -1 outside the object, shape (nx, ny, nz).
+    part_names: Unique names of the parts.
+    labels: For each part, all words the asset has for it (node, group, material names); () for
+        none.
+    shapes: For each part the first one of its shape, by number; () where shapes were not compared.
     """
 
     grid: Grid

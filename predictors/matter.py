@@ -51,17 +51,11 @@ def by_looks(
     within a kind, and for clauses about parts and for none: of kinds of matter it knew no more in
     objects that it had not seen than a guess does (the card of its weights).
 
-    Parameters
-    ----------
-    shares
-        How surely each clause speaks of each cell, and in a last column that none does.
-    kinds
-        As ``matters`` gives them.
-    cells, looks, piece
-        As ``looks.measure`` takes them.
-    parts
-        Whether pieces are parts that somebody made: then each kind that is spoken of is likely to
-        have one. Of pieces of one look some are shades, and the same rule bound fewer cells.
+    shares: How surely each clause speaks of each cell, and in a last column that none does.
+    kinds: As ``matters`` gives them.
+    cells, looks, piece: As ``looks.measure`` takes them.
+    parts: Whether pieces are parts that somebody made: then each kind that is spoken of is likely
+        to have one. Of pieces of one look some are shades, and the same rule bound fewer cells.
     """
     from scipy.special import softmax
 
@@ -214,14 +208,9 @@ def measure(
 ) -> Float[np.ndarray, "pieces features"]:
     """Return ``FEATURES`` of every piece; of lengths, over the longest side of the whole.
 
-    Parameters
-    ----------
-    cells
-        Indices of a thing's cells on an upright grid.
-    looks
-        ``LOOK`` numbers of each.
-    piece
-        The piece of each, from 0, none empty.
+    cells: Indices of a thing's cells on an upright grid.
+    looks: ``LOOK`` numbers of each.
+    piece: The piece of each, from 0, none empty.
     """
     from scipy.ndimage import distance_transform_edt, label
 

@@ -42,44 +42,25 @@ class Binding(NamedTuple):
 class PartChoice:
     """The material of one part, and why.
 
-    Parameters
-    ----------
-    part
-        Name of the part.
-    row
-        The row of the table, or the one nearest to what the network found.
-    value
-        E [Pa], nu [1], rho [kg/m^3] at ``alpha``.
-    weight
-        1 for a word that names it, else its share in the kernel.
-    alpha
-        Place of E in the row's range, from soft (0) to stiff (1), in log space.
-    why
-        The clause or the label that decided.
-    settled
-        Whether words settle it: the text's for this part or for all, an option's, or the asset's.
-    clause
-        The clause that names the material, if one does.
-    borrowed
-        Whether that clause speaks of no part, so that this one takes it for want of its own.
-    binding
-        What was understood of the part, where a network decided.
-    network
-        Name of the network whose own the values are; "" for those of the row.
-    derivation
-        How the values follow from what was said, where they are not the row's own.
-    guessed
-        Whether nothing names the material: what is nearest in meaning was taken.
-    matter
-        Class of matter that a network found, in small letters; "" for that of the row.
-    unknown
-        The clause that names something unknown for the part, where none names a material.
-    doubts
-        Sentences about how this row came to be taken.
-    draws
-        Other plausible materials that a network drew, in the order of their seeds.
-    exact
-        Which of E, nu and rho were stated in numbers.
+    part: Name of the part.
+    row: The row of the table, or the one nearest to what the network found.
+    value: E [Pa], nu [1], rho [kg/m^3] at ``alpha``.
+    weight: 1 for a word that names it, else its share in the kernel.
+    alpha: Place of E in the row's range, from soft (0) to stiff (1), in log space.
+    why: The clause or the label that decided.
+    settled: Whether words settle it: the text's for this part or for all, an option's, or the
+        asset's.
+    clause: The clause that names the material, if one does.
+    borrowed: Whether that clause speaks of no part, so that this one takes it for want of its own.
+    binding: What was understood of the part, where a network decided.
+    network: Name of the network whose own the values are; "" for those of the row.
+    derivation: How the values follow from what was said, where they are not the row's own.
+    guessed: Whether nothing names the material: what is nearest in meaning was taken.
+    matter: Class of matter that a network found, in small letters; "" for that of the row.
+    unknown: The clause that names something unknown for the part, where none names a material.
+    doubts: Sentences about how this row came to be taken.
+    draws: Other plausible materials that a network drew, in the order of their seeds.
+    exact: Which of E, nu and rho were stated in numbers.
     """
 
     part: str
@@ -141,20 +122,12 @@ class PartChoice:
 class Prediction:
     """The material of every part, and of every cell.
 
-    Parameters
-    ----------
-    parts
-        The given parts, or their pieces where clauses divide them.
-    parents
-        For each of ``parts``, the index of the given part that it is, or is a piece of.
-    field
-        E [Pa], nu [1], rho [kg/m^3] of every cell.
-    choices
-        The material of each of ``parts``.
-    unbound
-        Clauses that say something of parts and were found to speak of none.
-    warnings
-        What of the words was not understood, or not taken as it stands.
+    parts: The given parts, or their pieces where clauses divide them.
+    parents: For each of ``parts``, the index of the given part that it is, or is a piece of.
+    field: E [Pa], nu [1], rho [kg/m^3] of every cell.
+    choices: The material of each of ``parts``.
+    unbound: Clauses that say something of parts and were found to speak of none.
+    warnings: What of the words was not understood, or not taken as it stands.
     """
 
     parts: PartVoxels

@@ -43,20 +43,13 @@ class Predictor(Protocol):
     ) -> Prediction:
         """Return the materials of all parts.
 
-        Parameters
-        ----------
-        parts
-            The cells [m] of every part.
-        sentence
-            What the user says of the object.
-        choices
-            For each part what words settle, else what they make likeliest; by default looked up.
-        appearance
-            Gives what is seen of the cells; called only where it is needed.
-        up
-            The axis that points up.
-        alpha
-            Place of E in its range, 0 (soft) to 1 (stiff); None follows words such as "soft".
+        parts: The cells [m] of every part.
+        sentence: What the user says of the object.
+        choices: For each part what words settle, else what they make likeliest; by default looked
+            up.
+        appearance: Gives what is seen of the cells; called only where it is needed.
+        up: The axis that points up.
+        alpha: Place of E in its range, 0 (soft) to 1 (stiff); None follows words such as "soft".
         """
         ...
 

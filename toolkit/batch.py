@@ -243,12 +243,8 @@ def read_manifest(path: Path, *, common: Sequence[str] = ()) -> list[Job]:
     empty cell is the default; the items of an option that may be repeated (``part``, ``material``)
     stand between ``;``.
 
-    Raises
-    ------
-    InputError
-        Where the file cannot be read, or has no row or no column ``asset``.
-    UsageError
-        Where a column is unknown, or a row's id is doubled or no name of a folder.
+    Raises InputError: Where the file cannot be read, or has no row or no column ``asset``.
+    Raises UsageError: Where a column is unknown, or a row's id is doubled or no name of a folder.
     """
     if path.is_dir():
         # A row for every asset of a folder, by name; what they are made of says the configuration
@@ -385,10 +381,7 @@ def perform(
 ) -> Outcome:
     """Run one row and leave ``output/ID`` or the record of its failure.
 
-    Raises
-    ------
-    Stopped
-        Where ``stopped()`` became true on the way; nothing is left then.
+    Raises Stopped: Where ``stopped()`` became true on the way; nothing is left then.
     """
     home = Path(output)
     if (past := stored(job, home)) is not None:  # by a worker that was lost afterwards

@@ -60,25 +60,13 @@ def drive(
 ) -> DriveRecord:
     """Write ``carrier`` into ``folder`` once a frame, moved with ``mesh``.
 
-    Parameters
-    ----------
-    mesh
-        The mesh at rest.
-    displacements
-        Displacement (points, 3) [m] of its points in every frame.
-    carrier
-        Gaussian splats or points. A format that is only read is written as .ply.
-    scale
-        Metres per unit of the carrier.
-    run
-        Particles that moved the mesh: the carrier follows them, where the mesh tears too.
-    up
-        Axis that points up in the GIF of splats.
-
-    Raises
-    ------
-    InputError
-        Where the carrier cannot be read, or has no points.
+    mesh: The mesh at rest.
+    displacements: Displacement (points, 3) [m] of its points in every frame.
+    carrier: Gaussian splats or points. A format that is only read is written as .ply.
+    scale: Metres per unit of the carrier.
+    run: Particles that moved the mesh: the carrier follows them, where the mesh tears too.
+    up: Axis that points up in the GIF of splats.
+    Raises InputError: Where the carrier cannot be read, or has no points.
     """
     from ..converters.embedding import Driven
     from ..converters.files import writing_folder
@@ -144,10 +132,7 @@ def transfer_motion(
 
     ``scale`` is metres per unit of ``target``; by default the mesh's own where it is its asset.
 
-    Raises
-    ------
-    InputError
-        Where a file cannot be read or the motion is not of the mesh.
+    Raises InputError: Where a file cannot be read or the motion is not of the mesh.
     """
     from ..converters.mesh.meshdata import read_mesh
 

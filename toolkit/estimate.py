@@ -57,10 +57,8 @@ def plan(
 ) -> dict[str, Any]:
     """What `convert`, or with ``texts`` `run`, would do: steps, size [m], tets, seconds, bytes.
 
-    Raises
-    ------
-    InputError
-        Where the asset cannot be read or the output not be written, as the command itself would.
+    Raises InputError: Where the asset cannot be read or the output not be written, as the command
+        itself would.
     """
     from .asset.load import load_asset
     from .meshing.import_tets import SUFFIXES, import_tets

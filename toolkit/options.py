@@ -442,10 +442,7 @@ def command_line(verb: str, *inputs: Any, options: Iterable[Any] = (), **given: 
 def read_config(path: Path) -> list[str]:
     """Arguments of a TOML file; tables only group.
 
-    Raises
-    ------
-    InputError
-        Where the file cannot be read or is no TOML.
+    Raises InputError: Where the file cannot be read or is no TOML.
     """
     try:
         document = tomllib.loads(path.read_text(encoding="utf-8"))
@@ -462,10 +459,7 @@ def with_given(options: Options, given: Mapping[str, Any], *, verb: str) -> Opti
 
     A text that is given for a path becomes one.
 
-    Raises
-    ------
-    UsageError
-        Where there is no such option.
+    Raises UsageError: Where there is no such option.
     """
     known = [item.name for item in fields(options)]  # type: ignore
     for name in given:
@@ -494,10 +488,7 @@ def option_names(command: Any) -> set[str]:
 def with_config(command: list[str], known: Collection[str]) -> list[str]:
     """Put what the file of ``--config`` says behind the verb, before all other arguments.
 
-    Raises
-    ------
-    UsageError
-        Where the file names an option that is not ``known``.
+    Raises UsageError: Where the file names an option that is not ``known``.
     """
     path = None
     for i, word in enumerate(command):

@@ -116,18 +116,11 @@ class Held(NamedTuple):
 class Called:
     """What the parts of a mesh and the whole of it are called, and what a text says of them.
 
-    Parameters
-    ----------
-    labels
-        For each part its name, then all other words that the asset has for it.
-    main
-        Whether each is the main part: what is said of the whole speaks of it.
-    object_name, thing
-        What the asset is called, and what the text says that it is.
-    held
-        What each part is said to be full of, by itself or with the whole; None for nothing.
-    walls
-        The thickness of the wall [m] that each part is said to have, None where nothing is said.
+    labels: For each part its name, then all other words that the asset has for it.
+    main: Whether each is the main part: what is said of the whole speaks of it.
+    object_name, thing: What the asset is called, and what the text says that it is.
+    held: What each part is said to be full of, by itself or with the whole; None for nothing.
+    walls: The thickness of the wall [m] that each part is said to have, None where nothing is said.
     """
 
     labels: tuple[tuple[str, ...], ...]
@@ -368,10 +361,7 @@ class Walls:
     def said(cls, options: WallOptions | None, sidecar: Sidecar, parts: Sequence[str]) -> Walls:
         """Return what options say, by default those of the conversion; what it made stays made.
 
-        Raises
-        ------
-        UsageError
-            Where a part or a material is unknown, or a wall is no length.
+        Raises UsageError: Where a part or a material is unknown, or a wall is no length.
         """
         record = sidecar.record.get("walls", {})
         lists = ("part_wall", "fill", "held", "contents")

@@ -38,10 +38,7 @@ def write_motion_glb(
 
     ``up`` is the mesh's axis that points up; it becomes +y.
 
-    Raises
-    ------
-    InputError
-        Where there is no frame, or times do not rise.
+    Raises InputError: Where there is no frame, or times do not rise.
     """
     path = Path(path)
     if not len(times) or np.any(np.diff(times) <= 0):

@@ -49,33 +49,19 @@ def export_mesh(
 ) -> Exported:
     """Write what ``target`` reads, one of ``PROGRAMS``; ``out`` without a suffix is a stem.
 
-    Parameters
-    ----------
-    mesh
-        Tets with a material.
-    target
-        Name of the program.
-    out
-        Main file, or its stem.
-    bins
-        Most materials of a target that knows no material a tet.
-    names
-        What the arrays for Gmsh are called.
-    up
-        The axis against gravity.
-    gravity
-        Acceleration [m/s^2], downwards.
-    supports
-        What holds the body in the CalculiX and SOFA scenes; None: as in ``fem.scenarios.sag``.
-    order
-        Order of the elements of a CalculiX deck, 1 or 2; None: as in ``fem.solve_static``.
-
-    Raises
-    ------
-    UsageError
-        For an unknown program, a suffix that it does not read, or fewer bins than ways of a grain.
-    InputError
-        Where the mesh has no material.
+    mesh: Tets with a material.
+    target: Name of the program.
+    out: Main file, or its stem.
+    bins: Most materials of a target that knows no material a tet.
+    names: What the arrays for Gmsh are called.
+    up: The axis against gravity.
+    gravity: Acceleration [m/s^2], downwards.
+    supports: What holds the body in the CalculiX and SOFA scenes; None: as in
+        ``fem.scenarios.sag``.
+    order: Order of the elements of a CalculiX deck, 1 or 2; None: as in ``fem.solve_static``.
+    Raises UsageError: For an unknown program, a suffix that it does not read, or fewer bins than
+        ways of a grain.
+    Raises InputError: Where the mesh has no material.
     """
     program, out = PROGRAMS[target], Path(out)
     suffix = out.suffix.lower() or program.suffixes[0]

@@ -76,10 +76,7 @@ def bin_materials(mesh: TetMesh, *, bins: int = 64, grain: bool = False) -> Bins
     Otherwise by k-means. A bin has the mean log10 E, mean nu and mean rho of its volume, so that
     the mass stays the same. With ``grain``, tets of a bin share its axes and its constants over E.
 
-    Raises
-    ------
-    UsageError
-        Where the grain runs in more ways than there are bins.
+    Raises UsageError: Where the grain runs in more ways than there are bins.
     """
     if bins < 1:
         raise InputError(f"bins must be at least 1, got {bins}")

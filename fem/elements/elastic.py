@@ -34,14 +34,9 @@ class ElasticBody:
     A grain adds its own to a finite law: what its stiffness tensor has beyond an isotropic one
     below it acts on Green's strain, so that small strains see the tensor and turns cost nothing.
 
-    Parameters
-    ----------
-    grid
-        The discretised mesh.
-    material
-        E, nu, rho of every tet, and its stiffness tensor where it has a grain.
-    law
-        Name of the elastic law, one of ``LAWS``.
+    grid: The discretised mesh.
+    material: E, nu, rho of every tet, and its stiffness tensor where it has a grain.
+    law: Name of the elastic law, one of ``LAWS``.
     """
 
     def __init__(self, grid: Discretisation, material: ElementMaterial, law: str) -> None:

@@ -24,16 +24,10 @@ LARGEST_MOVING = 150_000
 class Space:
     """Continuous piecewise polynomials of degree ``order`` on straight-sided tets.
 
-    Parameters
-    ----------
-    order
-        1 or 2.
-    nodes
-        Node positions [m], shape (nodes, 3); the first ones are the points of the mesh.
-    elements
-        Node ids, shape (tets, 4) or (tets, 10) in VTK's order, int32.
-    edges
-        Points at the ends of every edge node, shape (nodes - points, 2).
+    order: 1 or 2.
+    nodes: Node positions [m], shape (nodes, 3); the first ones are the points of the mesh.
+    elements: Node ids, shape (tets, 4) or (tets, 10) in VTK's order, int32.
+    edges: Points at the ends of every edge node, shape (nodes - points, 2).
     """
 
     order: int

@@ -24,17 +24,9 @@ class CholeskyFactor:
     Every supernode adds its children's updates to its columns, factors them and leaves an update
     to its parent: nearly all arithmetic is in three routines of LAPACK and BLAS.
 
-    Parameters
-    ----------
-    matrix
-        Symmetric positive, on the CPU.
-    plan
-        Elimination of its pattern.
-
-    Raises
-    ------
-    NotPositive
-        If a pivot is not positive.
+    matrix: Symmetric positive, on the CPU.
+    plan: Elimination of its pattern.
+    Raises NotPositive: If a pivot is not positive.
     """
 
     def __init__(self, matrix: BlockMatrix, plan: Elimination) -> None:
@@ -164,26 +156,17 @@ WIDEST = 96
 class Elimination:
     """Order and fronts of a pattern, in blocks of one node; device arrays of warp on the CPU.
 
-    Parameters
-    ----------
-    order, position
-        Node that is eliminated k-th, and its inverse, shape (nodes,).
-    owner, first
-        Supernode of every position (nodes,), and where each begins (supernodes + 1).
-    start, rows
-        Positions below the columns of every supernode, ascending: ``rows[start[t]:start[t + 1]]``.
-    local
-        Place of each of ``rows`` in the front of the parent.
-    parent, child_start, children
-        Tree of the supernodes; roots have the parent -1.
-    panel, update
-        Where the columns of every supernode begin in the factor (supernodes + 1), and what is
-        left to its parent in the stack of updates.
-    stack, entries
-        Length of that stack; numbers in the factor. Beyond 2^31 of either ``panel`` and ``update``,
-        int32, are void, and no factor can be made.
-    operations
-        Multiplications and additions of the factorisation.
+    order, position: Node that is eliminated k-th, and its inverse, shape (nodes,).
+    owner, first: Supernode of every position (nodes,), and where each begins (supernodes + 1).
+    start, rows: Positions below the columns of every supernode, ascending: ``rows[start[t]:start[t
+        + 1]]``.
+    local: Place of each of ``rows`` in the front of the parent.
+    parent, child_start, children: Tree of the supernodes; roots have the parent -1.
+    panel, update: Where the columns of every supernode begin in the factor (supernodes + 1), and
+        what is left to its parent in the stack of updates.
+    stack, entries: Length of that stack; numbers in the factor. Beyond 2^31 of either ``panel`` and
+        ``update``, int32, are void, and no factor can be made.
+    operations: Multiplications and additions of the factorisation.
     """
 
     order: Any

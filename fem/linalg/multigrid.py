@@ -511,10 +511,7 @@ class CornerLevel:
     A p-multigrid: the smoother has only the middles of the edges to care for, however thin the body
     or flat its tets. A is ``matrix``, scaled by the blocks ``lower``; ``fixed`` (nodes, 3) stay 0.
 
-    Raises
-    ------
-    NotPositive
-        If P^T A P is singular: the body is not held.
+    Raises NotPositive: If P^T A P is singular: the body is not held.
     """
 
     def __init__(

@@ -307,17 +307,9 @@ class _Kept(NamedTuple):
 class RepeatedSolver:
     """Solves A x = b to the accuracy that Newton needs, keeping what is expensive.
 
-    Parameters
-    ----------
-    points
-        Node positions [m], shape (nodes, 3).
-    fixed
-        Prescribed components, shape (nodes, 3).
-
-    Attributes
-    ----------
-    factors
-        Whether the preconditioner is a factor, as two levels were seen to take longer.
+    points: Node positions [m], shape (nodes, 3).
+    fixed: Prescribed components, shape (nodes, 3).
+    factors: Whether the preconditioner is a factor, as two levels were seen to take longer.
     """
 
     def __init__(self, points: np.ndarray, fixed: np.ndarray) -> None:

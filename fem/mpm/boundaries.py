@@ -39,16 +39,10 @@ class Touch(IntEnum):
 class Wall:
     """A rigid thing in the grid: nodes inside its ``shape`` follow it.
 
-    Parameters
-    ----------
-    shape
-        Plane, box, ball, capsule or another ``Obstacle``; it moves at its own velocity.
-    touch
-        What it does to matter: a grip is sticky, a slide slips, the ground separates.
-    friction
-        Coefficient of Coulomb friction [1] where it separates.
-    axis
-        The only axis along which it holds or slides; None: by the normals of the shape.
+    shape: Plane, box, ball, capsule or another ``Obstacle``; it moves at its own velocity.
+    touch: What it does to matter: a grip is sticky, a slide slips, the ground separates.
+    friction: Coefficient of Coulomb friction [1] where it separates.
+    axis: The only axis along which it holds or slides; None: by the normals of the shape.
     """
 
     shape: Obstacle
@@ -258,10 +252,7 @@ def grid_around(
 
     ``planes`` are positions [m] by axis that a layer of nodes shall lie at.
 
-    Raises
-    ------
-    InputError
-        Where the room is not finite, or the grid would not fit into memory.
+    Raises InputError: Where the room is not finite, or the grid would not fit into memory.
     """
     low, high = np.asarray(low, dtype=float), np.asarray(high, dtype=float)
     if not (np.isfinite([*low, *high]).all() and (high >= low).all() and spacing > 0):

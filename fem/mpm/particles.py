@@ -25,29 +25,16 @@ JELLY = Substance()
 class Particles:
     """Particles of a body at rest, in SI.
 
-    Parameters
-    ----------
-    x, volume
-        Places [m], shape (n, 3), and volumes [m^3], shape (n,).
-    E, nu, rho
-        Young's modulus [Pa], Poisson's ratio [1] and density [kg/m^3], each (n,).
-    part
-        Index into ``parts`` of every particle, shape (n,).
-    parts
-        Names of the parts.
-    substance
-        Index into ``substances`` of every particle, shape (n,).
-    substances
-        Class and yield of the matter.
-    velocity
-        Velocity at the start [m/s], shape (n, 3).
-    rigid
-        Number of the rigid body of every particle, shape (n,); -1 where it deforms.
-
-    Raises
-    ------
-    InputError
-        Where there are none, shapes differ, or a value is not finite or has the wrong sign.
+    x, volume: Places [m], shape (n, 3), and volumes [m^3], shape (n,).
+    E, nu, rho: Young's modulus [Pa], Poisson's ratio [1] and density [kg/m^3], each (n,).
+    part: Index into ``parts`` of every particle, shape (n,).
+    parts: Names of the parts.
+    substance: Index into ``substances`` of every particle, shape (n,).
+    substances: Class and yield of the matter.
+    velocity: Velocity at the start [m/s], shape (n, 3).
+    rigid: Number of the rigid body of every particle, shape (n,); -1 where it deforms.
+    Raises InputError: Where there are none, shapes differ, or a value is not finite or has the
+        wrong sign.
     """
 
     x: Float[np.ndarray, "n 3"]

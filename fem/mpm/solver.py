@@ -52,25 +52,15 @@ MOST_INVERTED = 0.01
 class MpmSolver:
     """Explicit MLS-MPM: quadratic B-splines, APIC, symplectic Euler.
 
-    Parameters
-    ----------
-    particles, grid
-        What moves, and the grid.
-    walls
-        Boundaries: what holds, grips or stops it.
-    gravity_vector
-        Acceleration of gravity [m/s^2], shape (3,).
-    damping
-        Rate [1/s] at which velocities fade.
-    lagrangian
-        Whether weights are those at rest (total Lagrangian): for jelly that is held and blown upon;
-        it neither meets obstacles nor tears, but crossing cells costs it no memory.
-    device, threads
-        'cpu' (float64) with one or two threads, or 'cuda' (float32).
-    courant
-        Fraction of a spacing that the fastest wave crosses in a step.
-    step
-        Step [s] wanted instead of the longest stable one; one that is too long is a failure.
+    particles, grid: What moves, and the grid.
+    walls: Boundaries: what holds, grips or stops it.
+    gravity_vector: Acceleration of gravity [m/s^2], shape (3,).
+    damping: Rate [1/s] at which velocities fade.
+    lagrangian: Whether weights are those at rest (total Lagrangian): for jelly that is held and
+        blown upon; it neither meets obstacles nor tears, but crossing cells costs it no memory.
+    device, threads: 'cpu' (float64) with one or two threads, or 'cuda' (float32).
+    courant: Fraction of a spacing that the fastest wave crosses in a step.
+    step: Step [s] wanted instead of the longest stable one; one that is too long is a failure.
     """
 
     def __init__(

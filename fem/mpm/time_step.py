@@ -25,18 +25,11 @@ FailureKind = Literal["cfl", "velocity", "inverted", "left grid", "not finite"]
 class Failure:
     """A run that cannot go on, or should not begin.
 
-    Parameters
-    ----------
-    kind
-        What happened.
-    time
-        When [s]; zero before the start.
-    part
-        Name of the part that it happened in.
-    E, E_max
-        Young's modulus there and the largest one that the steps allow [Pa].
-    advice
-        What to do, one sentence.
+    kind: What happened.
+    time: When [s]; zero before the start.
+    part: Name of the part that it happened in.
+    E, E_max: Young's modulus there and the largest one that the steps allow [Pa].
+    advice: What to do, one sentence.
     """
 
     kind: FailureKind

@@ -96,10 +96,7 @@ class LinearBody(NamedTuple):
 def linear_body(mesh: TetMesh, supports: Supports | None, *, order: int = 1) -> LinearBody:
     """Vibrations and compliance of ``mesh`` with elements of ``order`` and lumped mass.
 
-    Raises
-    ------
-    InputError
-        Where a prescribed displacement is not zero, or the material has a grain.
+    Raises InputError: Where a prescribed displacement is not zero, or the material has a grain.
     """
     held, material = supports or Supports.none(len(mesh.points)), material_of(mesh)
     if (held.values * held.fixed).any():
@@ -345,10 +342,7 @@ def modal_weights(
     And the fields ``beside`` [1/sqrt(kg)], by default ``bent_beside``; they vanish on what holds
     the body.
 
-    Raises
-    ------
-    InputError
-        Where a point is held in some directions only.
+    Raises InputError: Where a point is held in some directions only.
     """
     fixed = np.asarray(body.held.fixed.any(axis=1))
     if (fixed & ~body.held.fixed.all(axis=1)).any():

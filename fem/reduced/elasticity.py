@@ -39,12 +39,8 @@ class ReducedResponse(NamedTuple):
 class ReducedElasticity:
     """Elastic energy W(q) of a reduced model, its gradient and second derivative.
 
-    Parameters
-    ----------
-    model
-        The reduced model.
-    law
-        Name of the elastic law, one of ``LAWS``.
+    model: The reduced model.
+    law: Name of the elastic law, one of ``LAWS``.
     """
 
     def __init__(self, model: ReducedModel, law: str = Law.NEO_HOOKEAN) -> None:
@@ -324,10 +320,7 @@ def reduced_rest(
 
     ``kept`` is the inverse Hessian of a body that is nearly this one, for instance of few cells.
 
-    Raises
-    ------
-    ConvergenceError
-        If Newton's method does not find it.
+    Raises ConvergenceError: If Newton's method does not find it.
     """
     first = np.zeros_like(load) if start is None else start
     potential = DeadLoad(elasticity, load, kept)

@@ -29,18 +29,12 @@ PERIODS, PER_PERIOD = 2, 30
 class ReducedMethod:
     """Motion of a scene by a reduced body.
 
-    Parameters
-    ----------
-    kind
-        What the coordinates move: fields of vectors, of a free body their components, or handles.
-    handles
-        Handles of a skinned body.
-    most_cells
-        Most tets that the elastic energy is summed over; 0: all.
-    scale, nu
-        What E is multiplied by [1], and Poisson's ratio [1] in place of the body's own: fitted.
-    announce
-        Hears of the model, in words, before the motion.
+    kind: What the coordinates move: fields of vectors, of a free body their components, or handles.
+    handles: Handles of a skinned body.
+    most_cells: Most tets that the elastic energy is summed over; 0: all.
+    scale, nu: What E is multiplied by [1], and Poisson's ratio [1] in place of the body's own:
+        fitted.
+    announce: Hears of the model, in words, before the motion.
     """
 
     kind: Subspace = Subspace.VECTOR
@@ -64,10 +58,7 @@ class ReducedMethod:
     ) -> MotionResult:
         """Follow the scene for its duration, one step of ``scheme`` a frame.
 
-        Raises
-        ------
-        UsageError
-            Where a GPU is asked for.
+        Raises UsageError: Where a GPU is asked for.
         """
         if device != "cpu":
             raise UsageError("a reduced body moves on the CPU: leave the device out")

@@ -418,10 +418,7 @@ class ReducedDynamics:
         A step that does not converge is made of smaller ones; ``last_dt`` [s] is then that of the
         last of them.
 
-        Raises
-        ------
-        ConvergenceError
-            If steps of dt / 256 still fail.
+        Raises ConvergenceError: If steps of dt / 256 still fail.
         """
         checked_positive("dt", dt, "s")
         self.iterations = 0

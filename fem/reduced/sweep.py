@@ -75,16 +75,11 @@ def what_if(
 ) -> WhatIf:
     """Rest and first frequency of a body in many runs.
 
-    Parameters
-    ----------
-    model
-        Reduced model of the body as it is held.
-    scales
-        Factor [1] to E of every part, in the order of ``model.region_names``.
-    loads
-        Dead forces on the coordinates [N/sqrt(kg)]; see ``ReducedModel.weight`` and ``pull_back``.
-    law
-        Name of the elastic law.
+    model: Reduced model of the body as it is held.
+    scales: Factor [1] to E of every part, in the order of ``model.region_names``.
+    loads: Dead forces on the coordinates [N/sqrt(kg)]; see ``ReducedModel.weight`` and
+        ``pull_back``.
+    law: Name of the elastic law.
     """
     names = model.region_names
     wanted = f"wanted a positive number for each of {len(names)} part(s)"
@@ -131,10 +126,7 @@ def what_if_error(
     It has elements of ``order``, at least the model's: with 2 what linear ones lock is in the
     error. ``forces`` gives what the load of a run was pulled back from: [N] at the model's nodes.
 
-    Raises
-    ------
-    ConvergenceError
-        Where no run has a rest, or the full body finds none.
+    Raises ConvergenceError: Where no run has a rest, or the full body finds none.
     """
     if not np.isfinite(found.largest).any():
         raise ConvergenceError(f"none of {len(found.largest)} runs has a rest: wanted less load")

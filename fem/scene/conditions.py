@@ -191,11 +191,8 @@ class Selection(NamedTuple):
 def select(mesh: TetMesh, words: str) -> Selection:
     """Find the place that ``words`` mean; positions are in metres.
 
-    Raises
-    ------
-    UsageError
-        Where the words are not understood or nothing of the mesh lies there: it names the nearest
-        part and the box of the mesh.
+    Raises UsageError: Where the words are not understood or nothing of the mesh lies there: it
+        names the nearest part and the box of the mesh.
     """
     # Directions stand after the last colon; a part may be called 'lid:x'
     place, axes = words, (0, 1, 2)
@@ -298,10 +295,7 @@ def stated_obstacle(words: str) -> Obstacle:
     'sphere:0,0,1,0.1=0,0,-2' is a ball that comes down at 2 m/s. A plane is solid where its words
     hold: 'plane:z<0' is the ground.
 
-    Raises
-    ------
-    UsageError
-        Where the words are not understood.
+    Raises UsageError: Where the words are not understood.
     """
     option = f"--obstacle {words}"
     shape, equals, way = words.partition("=") if "<=" not in words else (words, "", "")
@@ -362,12 +356,8 @@ def read_conditions(path: Path) -> ConditionsFile:
     Files of bodies are beside this one, or given by their whole path. Every kind is a list of
     entries as on the command line, or a table of numbers by selection.
 
-    Raises
-    ------
-    InputError
-        Where the file cannot be read or is no TOML.
-    UsageError
-        For a key or a value that is none of ours.
+    Raises InputError: Where the file cannot be read or is no TOML.
+    Raises UsageError: For a key or a value that is none of ours.
     """
     try:
         document = tomllib.loads(path.read_text(encoding="utf-8"))

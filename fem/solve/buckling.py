@@ -54,12 +54,9 @@ def find_load_factor(result: StaticResult, supports: Supports) -> LoadFactor:
     K_sigma of the stress of ``result`` (Bathe, Finite Element Procedures, section 6.8.2).
     ``supports`` are those of the result. Beyond ``LARGEST`` the factor is said to be infinite.
 
-    Raises
-    ------
-    InputError
-        Where the result is not linear.
-    ConvergenceError
-        If the mesh is too large for it, or the eigensolver does not reach its tolerance.
+    Raises InputError: Where the result is not linear.
+    Raises ConvergenceError: If the mesh is too large for it, or the eigensolver does not reach its
+        tolerance.
     """
     if result.law != Law.LINEAR:
         raise InputError(f"load factor under the law {result.law!r}: wanted {Law.LINEAR.value!r}")

@@ -44,10 +44,7 @@ class Contact:
     For a site of area A at distance d < dhat the energy is k A dhat b(d / dhat) with the barrier
     b(s) = -(s - 1)^2 log s of IPC (Li et al. 2020): zero at dhat, infinite at contact.
 
-    Raises
-    ------
-    InputError
-        Where an obstacle is far smaller than a face of the body.
+    Raises InputError: Where an obstacle is far smaller than a face of the body.
     """
 
     def __init__(
@@ -355,14 +352,9 @@ class _Group(NamedTuple):
 class SurfaceSites:
     """Sites of a body against one obstacle.
 
-    Parameters
-    ----------
-    mesh, space
-        The body and its nodes.
-    stiffness
-        Barrier stiffness times thickness at every node [J/m^2], shape (nodes,).
-    obstacle
-        What it shall keep out of.
+    mesh, space: The body and its nodes.
+    stiffness: Barrier stiffness times thickness at every node [J/m^2], shape (nodes,).
+    obstacle: What it shall keep out of.
     """
 
     def __init__(

@@ -54,12 +54,8 @@ class StaticMethod:
     ) -> SagResult:
         """Body at rest; by default with quadratic elements while they are affordable.
 
-        Raises
-        ------
-        UsageError
-            If the scene has obstacles or a velocity: it needs a motion.
-        ConvergenceError
-            If the linear solve does not reach its tolerance.
+        Raises UsageError: If the scene has obstacles or a velocity: it needs a motion.
+        Raises ConvergenceError: If the linear solve does not reach its tolerance.
         """
         if scene.obstacles or np.any(scene.velocity):
             raise UsageError("statics knows neither obstacles nor velocities: solve by dynamics")

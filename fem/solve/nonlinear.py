@@ -161,10 +161,7 @@ def relax(
     well: the energy only falls, so that a body that buckles comes to lie where it can
     (pseudo-transient continuation, Kelley & Keyes 1998). ``fixed`` (nodes, 3) stay.
 
-    Raises
-    ------
-    ConvergenceError
-        If it does not come to rest.
+    Raises ConvergenceError: If it does not come to rest.
     """
     here = objective.evaluate(u)
     for step in range(RELAXATIONS):

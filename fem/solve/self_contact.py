@@ -60,14 +60,9 @@ class SelfContact:
     detection. Lengths inside are in units of the body's diagonal. Quadratic faces count as four
     flat ones.
 
-    Parameters
-    ----------
-    mesh, space
-        The body and its nodes.
-    thickness
-        Distance [m] at which faces begin to push.
-    friction
-        Coefficient of Coulomb friction [1].
+    mesh, space: The body and its nodes.
+    thickness: Distance [m] at which faces begin to push.
+    friction: Coefficient of Coulomb friction [1].
     """
 
     def __init__(self, mesh: TetMesh, space: Space, thickness: float, friction: float) -> None:
@@ -276,10 +271,7 @@ TOUCH = 0.01
 def ipc_toolkit() -> ModuleType:
     """The module ``ipctk`` (Ferguson et al.), silent and with one thread.
 
-    Raises
-    ------
-    InputError
-        Where it is not installed.
+    Raises InputError: Where it is not installed.
     """
     try:
         import ipctk

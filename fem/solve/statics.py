@@ -45,10 +45,7 @@ def discrete_problem(
 ) -> tuple[Discretisation, Supports, np.ndarray]:
     """Grid, supports and load [N] of its nodes (nodes, 3); ``loads`` as in ``solve_static``.
 
-    Raises
-    ------
-    ConvergenceError
-        If nothing holds the body.
+    Raises ConvergenceError: If nothing holds the body.
     """
     grid = discretise(mesh, order or affordable_order(mesh), checked_device(device))
     held = node_supports(supports, grid.space)

@@ -39,28 +39,19 @@ STEEPEST = 4.0
 class SpringFit:
     """A network fitted to a motion.
 
-    Parameters
-    ----------
-    scale
-        What the calibrated stiffness is multiplied by [1], in the geometric mean of the volume.
-    surface
-        Logarithm [1] of the stiffness of springs at the surface over that in the middle: what few
-        anchors across need to bend and to shear as they should.
-    error
-        Root of the mass-weighted mean square of the displacement's error, over that of the motion.
-    calibrated_error
-        The same without the fit, at scale 1 and surface 0.
-    frequency_ratio
-        First frequency of the fitted network over the one asked for; nan where none was given.
-    runs
-        How many motions it took.
-    anchors, neighbours, eta
-        The network that was fitted: another one has another scale.
-    stiffer
-        How many times as stiff the network of another, stiff motion is [1]; nan where there was
-        none.
-    stiff_error
-        Error of the stiff motion by this network made so many times stiffer.
+    scale: What the calibrated stiffness is multiplied by [1], in the geometric mean of the volume.
+    surface: Logarithm [1] of the stiffness of springs at the surface over that in the middle: what
+        few anchors across need to bend and to shear as they should.
+    error: Root of the mass-weighted mean square of the displacement's error, over that of the
+        motion.
+    calibrated_error: The same without the fit, at scale 1 and surface 0.
+    frequency_ratio: First frequency of the fitted network over the one asked for; nan where none
+        was given.
+    runs: How many motions it took.
+    anchors, neighbours, eta: The network that was fitted: another one has another scale.
+    stiffer: How many times as stiff the network of another, stiff motion is [1]; nan where there
+        was none.
+    stiff_error: Error of the stiff motion by this network made so many times stiffer.
     """
 
     scale: float
@@ -152,14 +143,10 @@ def fit_to_motion(
     that is known. k and eta are one number: eta stays. At least ``steps`` are taken every ``dt``.
     ``announce`` hears before what the fit takes, ``progress`` every frame how many are done.
 
-    Raises
-    ------
-    InputError
-        Where nothing moves, the shapes do not fit, or pieces of the network turn freely.
-    ConvergenceError
-        Where the fit does not settle, or a motion's steps are unstable.
-    UsageError
-        Where the fit would take hours.
+    Raises InputError: Where nothing moves, the shapes do not fit, or pieces of the network turn
+        freely.
+    Raises ConvergenceError: Where the fit does not settle, or a motion's steps are unstable.
+    Raises UsageError: Where the fit would take hours.
     """
     network = body.network
     compared = SpringMisfit(
@@ -291,10 +278,7 @@ class SpringMisfit:
     def of(self, stiffness: Float[np.ndarray, "springs"]) -> np.ndarray:
         """Weighted difference (n,) of the springs' displacement, over the motion's size.
 
-        Raises
-        ------
-        UsageError
-            Where a fit would take hours.
+        Raises UsageError: Where a fit would take hours.
         """
         motion = self.body.motion(stiffness, dashpot=self.dashpot)
         needed = motion.steps_for(self.dt)

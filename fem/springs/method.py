@@ -26,24 +26,16 @@ PATIENCE = 3600.0
 class SpringMethod:
     """Motion of a scene by a spring-mass network.
 
-    Parameters
-    ----------
-    anchors, neighbours
-        Anchors of the body, and how many each is joined with.
-    eta
-        Weights of the neighbours: 0, all of them alike; 20, the nearest sixteen alone.
-    scale
-        What the calibrated stiffness of the springs is multiplied by [1].
-    surface
-        Logarithm [1] of the stiffness at the surface over that in the middle, as a fit finds it.
-    stiffer
-        How many times as stiff [1] as at the softest eta, k the same: eta is then found for that.
-    dashpot
-        Damping of every spring over its stiffness [s].
-    seed
-        Of the places of the anchors.
-    announce
-        Hears springs, steps and expected time, in words, before the run.
+    anchors, neighbours: Anchors of the body, and how many each is joined with.
+    eta: Weights of the neighbours: 0, all of them alike; 20, the nearest sixteen alone.
+    scale: What the calibrated stiffness of the springs is multiplied by [1].
+    surface: Logarithm [1] of the stiffness at the surface over that in the middle, as a fit finds
+        it.
+    stiffer: How many times as stiff [1] as at the softest eta, k the same: eta is then found for
+        that.
+    dashpot: Damping of every spring over its stiffness [s].
+    seed: Of the places of the anchors.
+    announce: Hears springs, steps and expected time, in words, before the run.
     """
 
     anchors: int = 2048
@@ -69,13 +61,9 @@ class SpringMethod:
     ) -> MotionResult:
         """Follow the scene for its duration.
 
-        Raises
-        ------
-        UsageError
-            Where an obstacle is no plane, the run would take hours, or a ``law`` or an ``order`` is
-            asked for: these are for elements.
-        ConvergenceError
-            Where the steps turn out unstable.
+        Raises UsageError: Where an obstacle is no plane, the run would take hours, or a ``law`` or
+            an ``order`` is asked for: these are for elements.
+        Raises ConvergenceError: Where the steps turn out unstable.
         """
         if law is not None or order is not None:
             raise UsageError("springs have no elements and no law: leave law and order out")

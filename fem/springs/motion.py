@@ -189,10 +189,8 @@ class SpringMotion:
     def advance(self, duration: float, *, steps: int | None = None) -> None:
         """Follow the network for ``duration`` [s], by default in steps that are safely stable.
 
-        Raises
-        ------
-        ConvergenceError
-            Where the steps turn out unstable: more energy is there than loads and planes gave.
+        Raises ConvergenceError: Where the steps turn out unstable: more energy is there than loads
+            and planes gave.
         """
         from . import kernels_springs as k
 

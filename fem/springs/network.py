@@ -222,25 +222,16 @@ PROBED, DEEPEST = 1000, 0.95
 class Anchors:
     """Points of a body with the matter around them.
 
-    Parameters
-    ----------
-    x
-        Positions at rest [m], shape (n, 3).
-    volume, mass, E
-        Volume [m^3], mass [kg] and geometric mean of E [Pa] of the matter around them, (n,).
-    part
-        Index of their part, shape (n,).
-    body
-        Index of what hangs together through tets, shape (n,).
-    fixed, values
-        Components that are held, and their displacement [m], shape (n, 3).
-    spacing
-        Edge [m] of a cube that belongs to one anchor.
-    layers
-        Anchors across the thickness of every part [1], shape (parts,).
-    skin
-        How near the surface of its part an anchor is [1]: from 0 in the middle, with the square of
-        the height above it, to 1; shape (n,).
+    x: Positions at rest [m], shape (n, 3).
+    volume, mass, E: Volume [m^3], mass [kg] and geometric mean of E [Pa] of the matter around them,
+        (n,).
+    part: Index of their part, shape (n,).
+    body: Index of what hangs together through tets, shape (n,).
+    fixed, values: Components that are held, and their displacement [m], shape (n, 3).
+    spacing: Edge [m] of a cube that belongs to one anchor.
+    layers: Anchors across the thickness of every part [1], shape (parts,).
+    skin: How near the surface of its part an anchor is [1]: from 0 in the middle, with the square
+        of the height above it, to 1; shape (n,).
     """
 
     x: Float[np.ndarray, "n 3"]
@@ -269,10 +260,7 @@ def sample_anchors(
     They are divided by volume among the parts, at least one each. Cells are Lloyd's; an anchor
     whose cell has its centre outside the tets stands at the nearest place inside.
 
-    Raises
-    ------
-    InputError
-        Where fewer than ``LEAST`` anchors are asked for.
+    Raises InputError: Where fewer than ``LEAST`` anchors are asked for.
     """
     if count < LEAST:
         raise InputError(f"{count} anchors: wanted at least {LEAST}")
@@ -419,12 +407,8 @@ TRIMMED = 2e-3
 class Sight:
     """The boundary of tets in a tree of boxes, in single precision of the body's own size.
 
-    Parameters
-    ----------
-    points
-        Positions [m], shape (points, 3).
-    faces
-        Corners of the boundary's faces, shape (faces, 3).
+    points: Positions [m], shape (points, 3).
+    faces: Corners of the boundary's faces, shape (faces, 3).
     """
 
     def __init__(self, points: Float[np.ndarray, "n 3"], faces: Int[np.ndarray, "faces 3"]) -> None:

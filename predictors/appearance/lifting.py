@@ -75,22 +75,14 @@ def lift(
 ) -> Lifted:
     """Lift dense features of pictures onto the cells of a grid that have density.
 
-    Parameters
-    ----------
-    features
-        Features of every picture, shape (views, height, width, D), at any resolution.
-    cameras
-        Camera of every picture.
-    density
-        Density [1/m] of every cell.
-    grid
-        The grid.
-    opacity
-        Share of the object in every pixel, shape (views, rows, columns); only rays through pixels
-        with at least half are used. None uses all.
-    method
-        ``solve``: least squares; ``weighted``: the average weighted by visibility, its first step;
-        ``average``: over all pictures, hidden or not (VoMP; the ablation).
+    features: Features of every picture, shape (views, height, width, D), at any resolution.
+    cameras: Camera of every picture.
+    density: Density [1/m] of every cell.
+    grid: The grid.
+    opacity: Share of the object in every pixel, shape (views, rows, columns); only rays through
+        pixels with at least half are used. None uses all.
+    method: ``solve``: least squares; ``weighted``: the average weighted by visibility, its first
+        step; ``average``: over all pictures, hidden or not (VoMP; the ablation).
     """
     from scipy.sparse import diags_array
 

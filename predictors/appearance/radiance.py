@@ -72,16 +72,10 @@ def fit_radiance(
 ) -> Radiance:
     """Fit density and colour of every cell to posed photographs.
 
-    Parameters
-    ----------
-    views
-        Photographs with their cameras; their opacity, where it is less than 1, is fitted too.
-    grid
-        The grid; by default ``cells`` along the longest side of what the silhouettes allow.
-    cells
-        Cells along the longest side of the default grid.
-    options
-        How long and how it is fitted.
+    views: Photographs with their cameras; their opacity, where it is less than 1, is fitted too.
+    grid: The grid; by default ``cells`` along the longest side of what the silhouettes allow.
+    cells: Cells along the longest side of the default grid.
+    options: How long and how it is fitted.
     """
     import torch
     import torch.nn.functional as F

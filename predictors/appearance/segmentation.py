@@ -70,16 +70,10 @@ def segment(
 ) -> Segmentation:
     """Give every cell the keyword with the largest cosine, standardised over the object.
 
-    Parameters
-    ----------
-    values
-        Feature of every cell, shape (n, D).
-    cells
-        Index of every cell, shape (n, 3).
-    keywords
-        At least two words or phrases.
-    encoder
-        The encoder that made the features.
+    values: Feature of every cell, shape (n, D).
+    cells: Index of every cell, shape (n, 3).
+    keywords: At least two words or phrases.
+    encoder: The encoder that made the features.
     """
     if len(keywords) < 2:
         raise UsageError(f"segmentation needs at least two keywords, got {list(keywords)}")

@@ -251,16 +251,10 @@ PIXELS = 256  # side of a made image: 15 of them are a million rays
 class Camera:
     """A pinhole camera; its own axes are x right, y up, looking along -z.
 
-    Parameters
-    ----------
-    pose
-        Camera to world, shape (4, 4): rotation and position [m].
-    focal
-        Focal lengths (x, y) [px].
-    center
-        Principal point (x, y) [px] from the upper left corner.
-    size
-        Image (height, width) [px].
+    pose: Camera to world, shape (4, 4): rotation and position [m].
+    focal: Focal lengths (x, y) [px].
+    center: Principal point (x, y) [px] from the upper left corner.
+    size: Image (height, width) [px].
     """
 
     pose: Float[np.ndarray, "4 4"]
@@ -405,10 +399,8 @@ def load_photographs(path: str | Path) -> Views:
     ``camera_angle_x`` [rad]; what is missing is a centred, square-pixel camera. The photographs'
     alpha is the opacity.
 
-    Raises
-    ------
-    InputError
-        Where the file or a photograph is missing or invalid, or lies outside the file's folder.
+    Raises InputError: Where the file or a photograph is missing or invalid, or lies outside the
+        file's folder.
     """
     from PIL import Image
 

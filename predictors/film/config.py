@@ -61,25 +61,19 @@ class NetworkConfig:
 class VoxelScene(NamedTuple):
     """What is given of a batch of objects; K clauses, S sources, P parts.
 
-    Parameters
-    ----------
-    inputs
-        (batch, INPUTS, x, y, z), channels as in ``INPUTS``; sizes are multiples of the ``step``.
-    clauses, clause_mask
-        Unit embeddings (batch, K, D) and whether each is there (batch, K).
-    object_name, has_object
-        Embedding of what the object is (batch, D), and whether it is known (batch,).
-    evidence, reliability
-        Standardised evidence (batch, S, K, x, y, z) that clause k speaks of a voxel, 0 where a
-        source is silent (for a network with a fine stage, at half the resolution if you like),
-        and how good the source is known to be, in [0, 1], 0 if absent (batch, S).
-    names, name_mask
-        Embeddings of the parts' own names (batch, P, D) and whether each is known (batch, P).
-    part
-        Index of the part of every voxel (batch, x, y, z), -1 outside; used with names alone.
-    features
-        Unit vectors (batch, F, x, y, z) of an image encoder, 0 where it saw nothing (for a network
-        with a fine stage, at half the resolution if you like); None without an encoder.
+    inputs: (batch, INPUTS, x, y, z), channels as in ``INPUTS``; sizes are multiples of the
+        ``step``.
+    clauses, clause_mask: Unit embeddings (batch, K, D) and whether each is there (batch, K).
+    object_name, has_object: Embedding of what the object is (batch, D), and whether it is known
+        (batch,).
+    evidence, reliability: Standardised evidence (batch, S, K, x, y, z) that clause k speaks of a
+        voxel, 0 where a source is silent (for a network with a fine stage, at half the resolution
+        if you like), and how good the source is known to be, in [0, 1], 0 if absent (batch, S).
+    names, name_mask: Embeddings of the parts' own names (batch, P, D) and whether each is known
+        (batch, P).
+    part: Index of the part of every voxel (batch, x, y, z), -1 outside; used with names alone.
+    features: Unit vectors (batch, F, x, y, z) of an image encoder, 0 where it saw nothing (for a
+        network with a fine stage, at half the resolution if you like); None without an encoder.
     """
 
     inputs: Tensor

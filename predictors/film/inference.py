@@ -124,18 +124,11 @@ class FilmModel:
     ) -> Inference:
         """Return what the network finds on every cell.
 
-        Parameters
-        ----------
-        heard
-            What is said of the parts, as ``words`` embeds it.
-        up
-            The axis that points up.
-        appearance
-            Colours and features of the cells, if known.
-        names
-            Whether the asset's own names may be read.
-        turns
-            Views from so many sides are averaged; their spread is reported.
+        heard: What is said of the parts, as ``words`` embeds it.
+        up: The axis that points up.
+        appearance: Colours and features of the cells, if known.
+        names: Whether the asset's own names may be read.
+        turns: Views from so many sides are averaged; their spread is reported.
         """
         frame = Frame.of(parts, up)
         scene = self._scene(parts, frame, heard, appearance or Appearance(), names)
@@ -355,10 +348,7 @@ def _source(
 def load_checkpoint(path: Path) -> FilmUNet:
     """Read a network in float32 on the CPU.
 
-    Raises
-    ------
-    InputError
-        Where the file holds no such network.
+    Raises InputError: Where the file holds no such network.
     """
     from safetensors import SafetensorError, safe_open
 

@@ -34,22 +34,14 @@ _HEARD_DEGREE: dict[str | None, Degree] = {"soft": 2, "stiff": 4}  # of what a n
 class PartStatement:
     """All that the clauses say of one part, the most specific first.
 
-    Parameters
-    ----------
-    clauses
-        The clauses that speak of it.
-    borrowed
-        Whether they speak of all parts, of what nothing else names, or of a part that the asset
-        does not have and that this one is taken for.
-    whole
-        Whether they speak of the object: the asset's own word for a part says more.
-    open
-        Whether a predictor that sees the shape may know better, since the text names parts that
+    clauses: The clauses that speak of it.
+    borrowed: Whether they speak of all parts, of what nothing else names, or of a part that the
+        asset does not have and that this one is taken for.
+    whole: Whether they speak of the object: the asset's own word for a part says more.
+    open: Whether a predictor that sees the shape may know better, since the text names parts that
         the asset does not have.
-    override
-        The text of an option that is about this part alone.
-    spoken
-        Whether the text has a word of the part's name.
+    override: The text of an option that is about this part alone.
+    spoken: Whether the text has a word of the part's name.
     """
 
     clauses: tuple[Clause, ...] = ()

@@ -73,19 +73,13 @@ class Lookup:
     ) -> WordChoices:
         """Choose the material of every part as far as words go.
 
-        Parameters
-        ----------
-        part_labels
-            For each part its name, then all other words the asset has for it.
-        bound
-            What the user says of the object, and of which part.
-        overrides, materials, values
-            For single parts: free text, the exact name of a material of the table, and numbers for
-            E [Pa], nu [1], rho [kg/m^3].
-        alpha
-            Place of E in its range, 0 (soft) to 1 (stiff); None follows words such as "soft".
-        volumes
-            Of the parts [m^3]: of those that no word tells apart, the larger is spoken of first.
+        part_labels: For each part its name, then all other words the asset has for it.
+        bound: What the user says of the object, and of which part.
+        overrides, materials, values: For single parts: free text, the exact name of a material of
+            the table, and numbers for E [Pa], nu [1], rho [kg/m^3].
+        alpha: Place of E in its range, 0 (soft) to 1 (stiff); None follows words such as "soft".
+        volumes: Of the parts [m^3]: of those that no word tells apart, the larger is spoken of
+            first.
         """
         vocabulary = vocabulary_of(self.table)
         parts = [
@@ -267,18 +261,11 @@ def with_relations(
 ) -> tuple[list[PartChoice], list[str]]:
     """Return choices that keep what is said of parts beside each other, and what to warn of.
 
-    Parameters
-    ----------
-    choices
-        What is chosen for each part so far.
-    relations
-        For each part what is said of it beside others.
-    parts_called
-        Indices of the parts that words name.
-    row_called
-        The row of a table that words name: "as dense as water", where no part is called so.
-    named
-        Whether each part's material is said, or told by the asset: it then keeps its row.
+    choices: What is chosen for each part so far.
+    relations: For each part what is said of it beside others.
+    parts_called: Indices of the parts that words name.
+    row_called: The row of a table that words name: "as dense as water", where no part is called so.
+    named: Whether each part's material is said, or told by the asset: it then keeps its row.
     """
     out, notes, called = list(choices), [], cache(parts_called)
     others = [

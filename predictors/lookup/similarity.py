@@ -61,14 +61,9 @@ class RowKernel:
     ) -> Nearest:
         """Return the row nearest to a query.
 
-        Parameters
-        ----------
-        query
-            Words of a part and of what is said of it.
-        among
-            Names of the rows that it may be; by default all.
-        common
-            Names of those to choose from where none is near; may be none.
+        query: Words of a part and of what is said of it.
+        among: Names of the rows that it may be; by default all.
+        common: Names of those to choose from where none is near; may be none.
         """
         cosines = self._embedded_rows @ self._embed([query])[0]
         found = self._nearest(cosines, among)

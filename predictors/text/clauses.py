@@ -21,18 +21,11 @@ Degree = Literal[1, 2, 3, 4, 5]
 class Subject:
     """What a clause speaks of.
 
-    Parameters
-    ----------
-    scope
-        Parts, the whole, the rest, or nothing that is said.
-    names
-        For each part that is spoken of the words that name it, its head last: ("front", "leg").
-    exceptions
-        Parts that a whole or a rest leaves out: "all but the seat".
-    holds
-        Whether it is said to have parts itself: "a bookcase with a plywood back".
-    count
-        How many of the parts so called, 0 for "some"; None where it is not said.
+    scope: Parts, the whole, the rest, or nothing that is said.
+    names: For each part that is spoken of the words that name it, its head last: ("front", "leg").
+    exceptions: Parts that a whole or a rest leaves out: "all but the seat".
+    holds: Whether it is said to have parts itself: "a bookcase with a plywood back".
+    count: How many of the parts so called, 0 for "some"; None where it is not said.
     """
 
     scope: Scope
@@ -46,44 +39,27 @@ class Subject:
 class Clause:
     """One statement of a sentence: what is said of one subject.
 
-    Parameters
-    ----------
-    text
-        Its words as they were written.
-    span
-        First and one past last character of them in the sentence.
-    subject
-        What it speaks of.
-    material
-        Name of the row of the table that it names, or None.
-    phrase
-        The words that name the row: "soft foam"; "" without a material.
-    kind
-        Category of the table, where only that is named: "some kind of metal", "ceramic".
-    unknown
-        Words that stand where a material is named and that no row answers to.
-    nearest
-        Names of the rows that are written most like ``unknown``.
-    excluded
-        Rows and categories that it rules out: "not metal".
-    stiffness, density
-        How stiff and heavy it is said to be, or None; within the row's range where one is named.
-    character
-        Words for behaviour, each a key of the table of characters: brittle, tough, bouncy, floats.
-    numbers
-        What was said in numbers, SI.
-    comparisons
-        Relations to other parts.
-    coating, filling
-        Rows of what lies on it, and of what it is full of.
-    blend
-        A second matter in it.
-    doubts
-        What was guessed or left out in reading it, each a sentence without its subject.
-    certainty
-        1 where it was read as it stands; lower where spelling or structure was guessed.
-    says_matter
-        Whether it says anything of a material: a name, a kind, a level, a number, a relation.
+    text: Its words as they were written.
+    span: First and one past last character of them in the sentence.
+    subject: What it speaks of.
+    material: Name of the row of the table that it names, or None.
+    phrase: The words that name the row: "soft foam"; "" without a material.
+    kind: Category of the table, where only that is named: "some kind of metal", "ceramic".
+    unknown: Words that stand where a material is named and that no row answers to.
+    nearest: Names of the rows that are written most like ``unknown``.
+    excluded: Rows and categories that it rules out: "not metal".
+    stiffness, density: How stiff and heavy it is said to be, or None; within the row's range where
+        one is named.
+    character: Words for behaviour, each a key of the table of characters: brittle, tough, bouncy,
+        floats.
+    numbers: What was said in numbers, SI.
+    comparisons: Relations to other parts.
+    coating, filling: Rows of what lies on it, and of what it is full of.
+    blend: A second matter in it.
+    doubts: What was guessed or left out in reading it, each a sentence without its subject.
+    certainty: 1 where it was read as it stands; lower where spelling or structure was guessed.
+    says_matter: Whether it says anything of a material: a name, a kind, a level, a number, a
+        relation.
     """
 
     text: str
@@ -120,19 +96,12 @@ class Clause:
 class Sentence:
     """A text, read once: every later stage takes its clauses and not its characters.
 
-    Parameters
-    ----------
-    text
-        The text.
-    clauses
-        What it says, in its order.
-    unread
-        Words, or numbers with their units, that no clause took.
-    notes
-        What the reader took upon itself, each a sentence for the user: a spelling that was mended,
-        a language that is not English.
-    thing
-        Words of its first noun phrase, without plurals: what it says that the object is.
+    text: The text.
+    clauses: What it says, in its order.
+    unread: Words, or numbers with their units, that no clause took.
+    notes: What the reader took upon itself, each a sentence for the user: a spelling that was
+        mended, a language that is not English.
+    thing: Words of its first noun phrase, without plurals: what it says that the object is.
     """
 
     text: str
@@ -160,14 +129,9 @@ class BoundPart(NamedTuple):
 class Bound:
     """A sentence, and which of its clauses speak of every part.
 
-    Parameters
-    ----------
-    sentence
-        What was read.
-    parts
-        One for each part of the asset.
-    unbound
-        Indices of clauses that speak of no part of it.
+    sentence: What was read.
+    parts: One for each part of the asset.
+    unbound: Indices of clauses that speak of no part of it.
     """
 
     sentence: Sentence
@@ -178,12 +142,8 @@ class Bound:
 def bind(sentence: Sentence, labels: Sequence[Sequence[str]]) -> Bound:
     """Say which clauses speak of which part.
 
-    Parameters
-    ----------
-    sentence
-        What was read.
-    labels
-        For each part its name, then all other words that the asset has for it.
+    sentence: What was read.
+    labels: For each part its name, then all other words that the asset has for it.
     """
     clauses = sentence.clauses
     parts = [PartLabels(tuple(names)) for names in labels]

@@ -583,21 +583,13 @@ _TEMPLATE = re.compile(r"((this|it) is |an image of )?an? [\w -]{1,40}\.?", re.I
 class HeardClause:
     """One statement of a sentence.
 
-    Parameters
-    ----------
-    text
-        Its words, without those that say nothing.
-    material
-        A name of the table's row that it names, or None.
-    parts
-        Stems of the words for the parts it speaks of, in order.
-    level
-        "soft", "stiff", "dense" or "light" where an adjective says so.
-    written
-        All words from its first to its last as they were written: "extremely" is no filler for a
-        network. ``text`` where its words stand apart in the sentence.
-    phrase
-        The words that name the row, which the table need not have: "PP". "" without a material.
+    text: Its words, without those that say nothing.
+    material: A name of the table's row that it names, or None.
+    parts: Stems of the words for the parts it speaks of, in order.
+    level: "soft", "stiff", "dense" or "light" where an adjective says so.
+    written: All words from its first to its last as they were written: "extremely" is no filler for
+        a network. ``text`` where its words stand apart in the sentence.
+    phrase: The words that name the row, which the table need not have: "PP". "" without a material.
     """
 
     text: str
@@ -831,24 +823,16 @@ SHARED_WORD, LIKE_WORD = 1.0, 0.5
 class Heard(NamedTuple):
     """What a network is told of a sentence and of the names of an asset's parts.
 
-    Parameters
-    ----------
-    clauses
-        Those that say something.
-    vectors, names, whole
-        Embeddings of the clauses (n, d), of the parts' own names (parts, d), of the text (d,).
-    named
-        Whether a part's name says anything, for each part.
-    subjects
-        What each clause speaks of, in words.
-    fits, trust
-        How well each part's name fits each clause (n, parts), and how far that is to be trusted.
-    of_pieces
-        Whether the text speaks of more parts than there are.
-    unbound
-        Clauses about parts that no part is called after.
-    spoken
-        Whether there is a text at all.
+    clauses: Those that say something.
+    vectors, names, whole: Embeddings of the clauses (n, d), of the parts' own names (parts, d), of
+        the text (d,).
+    named: Whether a part's name says anything, for each part.
+    subjects: What each clause speaks of, in words.
+    fits, trust: How well each part's name fits each clause (n, parts), and how far that is to be
+        trusted.
+    of_pieces: Whether the text speaks of more parts than there are.
+    unbound: Clauses about parts that no part is called after.
+    spoken: Whether there is a text at all.
     """
 
     clauses: Sequence[HeardClause]

@@ -48,16 +48,10 @@ def read_sentence(
 ) -> Bound:
     """Read a text, and say which of its clauses speak of which part.
 
-    Parameters
-    ----------
-    text
-        What the user says of the object.
-    labels
-        For each part its name, then all other words that the asset has for it.
-    table
-        Whose rows are materials.
-    interpreter
-        A language model that reads the text.
+    text: What the user says of the object.
+    labels: For each part its name, then all other words that the asset has for it.
+    table: Whose rows are materials.
+    interpreter: A language model that reads the text.
     """
     names = [own[0] for own in labels]
     if interpreter is None:
@@ -218,10 +212,7 @@ class ChatEndpoint:
     def ask(self, prompt: str) -> dict[str, Any]:
         """Return the JSON object that the model answers (POST /chat/completions).
 
-        Raises
-        ------
-        InputError
-            Where the endpoint cannot be reached or answers no JSON object.
+        Raises InputError: Where the endpoint cannot be reached or answers no JSON object.
         """
         body = {
             "model": self.model,

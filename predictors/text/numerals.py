@@ -391,17 +391,11 @@ class Blend:
 class Comparison:
     """What is said of a part beside another: "twice as stiff as the legs".
 
-    Parameters
-    ----------
-    measure
-        What is compared: E or rho.
-    factor
-        How many times the other's value; above 1 without a number where it is ``exact`` no more
+    measure: What is compared: E or rho.
+    factor: How many times the other's value; above 1 without a number where it is ``exact`` no more
         than "stiffer", below 1 for "softer".
-    exact
-        Whether a number was said.
-    other
-        The words that name the other part; () for all others.
+    exact: Whether a number was said.
+    other: The words that name the other part; () for all others.
     """
 
     measure: Literal["E", "rho"]

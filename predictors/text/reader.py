@@ -46,21 +46,11 @@ _GROUPED = (
 def parse(text: str, table: MaterialTable, names: Sequence[str] = ()) -> Sentence:
     """Return what a text says of materials, read once.
 
-    Parameters
-    ----------
-    text
-        Plain English, as a sentence, a list, a table or a note.
-    table
-        Whose rows are materials.
-    names
-        What the asset calls its parts: a word of theirs is a part before it is a material.
-
-    Raises
-    ------
-    UsageError
-        Where the text is longer than ``LONGEST`` characters.
-    InputError
-        Where the English model is not installed.
+    text: Plain English, as a sentence, a list, a table or a note.
+    table: Whose rows are materials.
+    names: What the asset calls its parts: a word of theirs is a part before it is a material.
+    Raises UsageError: Where the text is longer than ``LONGEST`` characters.
+    Raises InputError: Where the English model is not installed.
     """
     if len(text) > LONGEST:
         raise UsageError(f"the text has {len(text)} characters: at most {LONGEST} are read")

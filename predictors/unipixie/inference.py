@@ -204,18 +204,11 @@ PAD = 1  # empty cells of the cube on either side of the longest
 class Cube:
     """Tokens: what of one part lies in one cell of the cube.
 
-    Parameters
-    ----------
-    cells
-        Cells of the cube along a side.
-    token
-        Tokens of each occupied cell of the asset, in C order: several where the cube is finer.
-    place
-        Mean place of each token in [-1, 1], z up.
-    part
-        Part of each token.
-    at, share
-        Flat cell of the cube of each token, x the slowest, and its share of what lies there.
+    cells: Cells of the cube along a side.
+    token: Tokens of each occupied cell of the asset, in C order: several where the cube is finer.
+    place: Mean place of each token in [-1, 1], z up.
+    part: Part of each token.
+    at, share: Flat cell of the cube of each token, x the slowest, and its share of what lies there.
     """
 
     cells: int
@@ -288,10 +281,7 @@ class Loaded(NamedTuple):
 def load_unipixie(path: Path) -> Loaded:
     """Read a network, in float32 on the CPU.
 
-    Raises
-    ------
-    InputError
-        Where the file holds no such network.
+    Raises InputError: Where the file holds no such network.
     """
     from safetensors import SafetensorError, safe_open
 

@@ -33,14 +33,9 @@ ENGINE_PACKAGES = ("autophyx-tet", "pytetwild", "numpy")
 class Runner:
     """Runs engine tasks in guarded children and remembers their results.
 
-    Parameters
-    ----------
-    time_limit, memory_limit
-        Seconds and bytes for one run.
-    progress
-        Called with (stage, seconds) while a child works.
-    cache
-        Folder of the results, or None to remember nothing.
+    time_limit, memory_limit: Seconds and bytes for one run.
+    progress: Called with (stage, seconds) while a child works.
+    cache: Folder of the results, or None to remember nothing.
     """
 
     time_limit: float

@@ -57,23 +57,12 @@ def run_guarded(
 ) -> Arrays:
     """Run a task of ``engines.TASKS`` in a child process and return its arrays.
 
-    Parameters
-    ----------
-    task
-        Name in ``engines.TASKS``.
-    arrays, options
-        What the task gets: arrays by name, and values that JSON can carry.
-    time_limit
-        Seconds of wall clock after which the child is killed.
-    memory_limit
-        Bytes of address space; by default three quarters of the machine's memory.
-    progress
-        Called with (stage, seconds so far) while the child works.
-
-    Raises
-    ------
-    ChildFailure
-        Where the child ran out of time or memory, crashed, or reported an error.
+    task: Name in ``engines.TASKS``.
+    arrays, options: What the task gets: arrays by name, and values that JSON can carry.
+    time_limit: Seconds of wall clock after which the child is killed.
+    memory_limit: Bytes of address space; by default three quarters of the machine's memory.
+    progress: Called with (stage, seconds so far) while the child works.
+    Raises ChildFailure: Where the child ran out of time or memory, crashed, or reported an error.
     """
     started = time.monotonic()
     with tempfile.TemporaryDirectory(prefix="autophyx-tet-") as name:

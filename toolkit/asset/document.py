@@ -143,10 +143,7 @@ class Sidecar:
     def read(cls, mesh: Path) -> Sidecar | None:
         """Read the sidecar of a mesh file, or None where it has none.
 
-        Raises
-        ------
-        InputError
-            Where the file is there but is not a sidecar.
+        Raises InputError: Where the file is there but is not a sidecar.
         """
         path = cls.path(mesh)
         if not path.exists():
@@ -230,18 +227,11 @@ def read_known(mesh: str | Path | TetMesh, asset: str | Path | Asset | None):
 class BodyRecord:
     """What ``convert`` and ``assign`` found, for those that solve the body.
 
-    Parameters
-    ----------
-    materials, classes
-        Row of the material table, and class of matter, of every part.
-    draws
-        Matters that a predictor drew of parts.
-    exact
-        Which of E, nu and rho of parts were stated in numbers.
-    differences
-        What the mesh has otherwise than its file.
-    size_stated
-        Whether the user gave the size or the unit of the file.
+    materials, classes: Row of the material table, and class of matter, of every part.
+    draws: Matters that a predictor drew of parts.
+    exact: Which of E, nu and rho of parts were stated in numbers.
+    differences: What the mesh has otherwise than its file.
+    size_stated: Whether the user gave the size or the unit of the file.
     """
 
     materials: Mapping[str, str] = field(default_factory=dict)
@@ -299,10 +289,8 @@ def path_of(path: AnyPath | None) -> Path | None:
 def check_file(path: Path, suffixes: tuple[str, ...]) -> None:
     """Refuse an output that could not be written at the end: unknown suffix, no such folder.
 
-    Raises
-    ------
-    InputError
-        With the suffixes that are known, or the folder that is missing or not writable.
+    Raises InputError: With the suffixes that are known, or the folder that is missing or not
+        writable.
     """
     if path.suffix.lower() not in suffixes:
         raise InputError(
@@ -328,10 +316,7 @@ def check_folder(folder: Path) -> None:
 def check_mesh(path: Path) -> None:
     """Refuse a mesh file that could not be written, or whose sidecar would replace a foreign file.
 
-    Raises
-    ------
-    InputError
-        As ``check_file`` and ``check_document``.
+    Raises InputError: As ``check_file`` and ``check_document``.
     """
     check_file(path, mesh_suffixes())
     check_document(Sidecar.path(path), SIDECAR)
@@ -355,10 +340,7 @@ def check_run(folder: Path) -> None:
 def check_document(path: Path, keys: frozenset[str]) -> None:
     """Refuse to replace a JSON file that has not all ``keys``: somebody else's.
 
-    Raises
-    ------
-    InputError
-        With the file and the way out.
+    Raises InputError: With the file and the way out.
     """
     if not path.exists():
         return

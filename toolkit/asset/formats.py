@@ -82,13 +82,9 @@ class References:
     It has the interface that trimesh wants from a resolver. ``found`` holds the bytes by name,
     ``warnings`` a sentence for each reference that was missing, refused or too large.
 
-    Parameters
-    ----------
-    folder
-        The folder of the asset; a reference that leads out of it is refused.
-    materials
-        Material names for which a missing material file is replaced by bare entries, so that the
-        names of the parts survive.
+    folder: The folder of the asset; a reference that leads out of it is refused.
+    materials: Material names for which a missing material file is replaced by bare entries, so that
+        the names of the parts survive.
     """
 
     def __init__(self, folder: Path, *, materials: tuple[str, ...] = ()) -> None:

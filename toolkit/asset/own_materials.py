@@ -21,10 +21,8 @@ def with_own_rows(path: Path) -> MaterialTable:
     ``name``, ``category``, ``source``, ``E`` [Pa], ``nu`` [1], ``rho`` [kg/m^3], each a number or
     [min, max], and ``aliases``.
 
-    Raises
-    ------
-    InputError
-        Where the file cannot be read, a column is missing, or a value leaves its category's band.
+    Raises InputError: Where the file cannot be read, a column is missing, or a value leaves its
+        category's band.
     """
     table = load_table()
     own = tuple(_rows(path))

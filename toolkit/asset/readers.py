@@ -432,10 +432,7 @@ class _Element(NamedTuple):
 def binary_strips(path: Path, data: bytes) -> Strips | None:
     """Read the vertices and strips of a binary PLY; None of other files.
 
-    Raises
-    ------
-    InputError
-        Where the file is cut short, or an element before the strips has lists.
+    Raises InputError: Where the file is cut short, or an element before the strips has lists.
     """
     header, _, body = data.partition(b"end_header")
     order = re.search(rb"format binary_(little|big)_endian", header)

@@ -99,14 +99,9 @@ def repair(
     Components that stay open within their part are welded to those of the other parts: a closed
     surface cut up by material becomes one component again, and every face keeps its part.
 
-    Parameters
-    ----------
-    parts
-        The parts of an asset, in metres.
-    weld_rel
-        Vertices closer than this share of the diagonal are merged.
-    closing
-        How what stays open is closed.
+    parts: The parts of an asset, in metres.
+    weld_rel: Vertices closer than this share of the diagonal are merged.
+    closing: How what stays open is closed.
     """
     surface, changed = oriented(parts, weld_rel=weld_rel, joint=closing.joint)
     if not closing.whole:

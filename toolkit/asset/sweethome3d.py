@@ -50,10 +50,7 @@ class Furniture:
 def furniture_folder() -> Path:
     """Folder of the archives: the variable's, the installed package's, or a download kept in cache.
 
-    Raises
-    ------
-    InputError
-        Where the package is not installed and cannot be fetched.
+    Raises InputError: Where the package is not installed and cannot be fetched.
     """
     cached = _cache() / _INSIDE
     named = os.environ.get(FOLDER_VARIABLE)

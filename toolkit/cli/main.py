@@ -230,10 +230,7 @@ def _writes_to_stdout(command: Any) -> bool:
 def piped(command: Any) -> Iterator[Any]:
     """Give the command with files in the places of dashes; what it wrote goes to stdout at its end.
 
-    Raises
-    ------
-    UsageError
-        Where stdout has two things to hold, or what goes there is no mesh.
+    Raises UsageError: Where stdout has two things to hold, or what goes there is no mesh.
     """
     reads = [name for name in _INPUTS if getattr(command, name, None) == DASH]
     writes = _writes_to_stdout(command)

@@ -76,28 +76,22 @@ def tetrahedralize(
 ) -> tuple[TetMesh, ConversionReport]:
     """Fill an asset [m] with tets, a region for each part: the mesh [m] and a report of proofs.
 
-    Parameters
-    ----------
-    mesher
-        Name in ``MESHERS``, or "auto": "stuffing" if sampled, and where fTetWild takes minutes.
+    mesher: Name in ``MESHERS``, or "auto": "stuffing" if sampled, and where fTetWild takes minutes.
         "ftetwild" keeps epsilon, "stuffing" good angles and the volume, in seconds.
-    edge_length_rel, epsilon_rel
-        Wanted edge, by default .05 or ``LATTICE_TETS`` tets in a lattice, and largest distance
-        between the boundary and the input, as shares of the diagonal of the bounding box.
-    edge_length, max_tets, layers
-        Wanted edge [m] instead of ``edge_length_rel``; budget: edge and envelope grow to meet it;
-        layers of tets wanted through thin places, where it allows them.
-    thicken, wall, part_wall, solid
-        Thickness [m] given to sheets, else left out; wall [m] of all closed parts, or the named
-        ones, unless ``solid``; one thinner than epsilon is left to the material.
-    stop_energy, time_limit, memory_limit
-        AMIPS energy at which the engine is content with the tets' shape, 3 is the optimum; seconds
-        and bytes that one attempt may take.
-    accept_broken, cache, seed, progress
-        Return the best mesh, with warnings, where none keeps its guarantees; folder of results;
-        seed of the samples that check; called with (stage, seconds) meanwhile.
-
-    Raises NoVolumeError where no part encloses a volume or no mesh keeps its guarantees.
+    edge_length_rel, epsilon_rel: Wanted edge, by default .05 or ``LATTICE_TETS`` tets in a lattice,
+        and largest distance between the boundary and the input, as shares of the diagonal of the
+        bounding box.
+    edge_length, max_tets, layers: Wanted edge [m] instead of ``edge_length_rel``; budget: edge and
+        envelope grow to meet it; layers of tets wanted through thin places, where it allows them.
+    thicken, wall, part_wall, solid: Thickness [m] given to sheets, else left out; wall [m] of all
+        closed parts, or the named ones, unless ``solid``; one thinner than epsilon is left to the
+        material.
+    stop_energy, time_limit, memory_limit: AMIPS energy at which the engine is content with the
+        tets' shape, 3 is the optimum; seconds and bytes that one attempt may take.
+    accept_broken, cache, seed, progress: Return the best mesh, with warnings, where none keeps its
+        guarantees; folder of results; seed of the samples that check; called with (stage, seconds)
+        meanwhile.
+    Raises NoVolumeError where no part encloses a volume or no mesh keeps its guarantees.:
     """
     diagonal, rng = float(np.linalg.norm(asset.size)), np.random.default_rng(seed)
     rel = edge_length_rel if edge_length is None else edge_length / diagonal

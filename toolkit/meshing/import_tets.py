@@ -36,17 +36,9 @@ def import_tets(
 ) -> ImportedTets:
     """Take over a tet mesh: its regions become parts, only its boundary is made manifold.
 
-    Parameters
-    ----------
-    path
-        File of one of ``SUFFIXES``.
-    size, units, up
-        As for ``load_asset``.
-
-    Raises
-    ------
-    InputError
-        Where the file cannot be read, holds no tet, or a tet is flat.
+    path: File of one of ``SUFFIXES``.
+    size, units, up: As for ``load_asset``.
+    Raises InputError: Where the file cannot be read, holds no tet, or a tet is flat.
     """
     path = Path(path)
     given = read_mesh(path)

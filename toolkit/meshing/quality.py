@@ -32,14 +32,9 @@ STEEL = 2.1e11, 0.3, 7850.0  # E [Pa], nu [1], rho [kg/m^3]: 6.0 km/s
 class BoundaryKind:
     """What the boundary is: closed 2-manifold when both counts are 0.
 
-    Parameters
-    ----------
-    faces
-        Boundary triangles.
-    bad_edges
-        Edges that do not lie on exactly two of them.
-    pinched_vertices
-        Vertices where several fans of them meet.
+    faces: Boundary triangles.
+    bad_edges: Edges that do not lie on exactly two of them.
+    pinched_vertices: Vertices where several fans of them meet.
     """
 
     faces: int

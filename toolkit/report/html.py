@@ -121,44 +121,26 @@ class PartRow:
 class Case:
     """One text and what follows from it; several cases are shown side by side.
 
-    Parameters
-    ----------
-    text
-        The sentence that chose the materials.
-    mesh
-        The tets with their material.
-    parts
-        The material table.
-    displacement
-        Static displacement [m], shape (points, 3).
-    von_mises
-        Von Mises stress of the static state [Pa], shape (tets,): the mean of each tet.
-    max_von_mises
-        The largest at the points [Pa], as verdicts judge it; None: the largest of the tets.
-    motion
-        Displacement [m] of every frame, shape (frames, points, 3).
-    times
-        Time [s] of every frame, increasing, shape (frames,).
-    frequencies
-        Natural frequencies [Hz].
-    vibrations
-        Shapes that belong to them, of any size, shape (modes, points, 3).
-    state, clock
-        What ``displacement`` is called, and whether ``times`` are seconds or shares of the load.
-    title, acting
-        What was simulated, and everything that held and loaded the body, in words.
-    marks
-        Where supports and loads are drawn.
-    solved
-        How it was solved: law, elements, solver ..., label and words.
-    answers
-        What a reader asks first: what moves most, whether it gives way ...
-    touch
-        The body to pull; None: the page has none.
-    look
-        How the asset looks, by tets; None: it has no colours.
-    alpha
-        Place of what is not said between soft (0) and stiff (1), where cases differ by it.
+    text: The sentence that chose the materials.
+    mesh: The tets with their material.
+    parts: The material table.
+    displacement: Static displacement [m], shape (points, 3).
+    von_mises: Von Mises stress of the static state [Pa], shape (tets,): the mean of each tet.
+    max_von_mises: The largest at the points [Pa], as verdicts judge it; None: the largest of the
+        tets.
+    motion: Displacement [m] of every frame, shape (frames, points, 3).
+    times: Time [s] of every frame, increasing, shape (frames,).
+    frequencies: Natural frequencies [Hz].
+    vibrations: Shapes that belong to them, of any size, shape (modes, points, 3).
+    state, clock: What ``displacement`` is called, and whether ``times`` are seconds or shares of
+        the load.
+    title, acting: What was simulated, and everything that held and loaded the body, in words.
+    marks: Where supports and loads are drawn.
+    solved: How it was solved: law, elements, solver ..., label and words.
+    answers: What a reader asks first: what moves most, whether it gives way ...
+    touch: The body to pull; None: the page has none.
+    look: How the asset looks, by tets; None: it has no colours.
+    alpha: Place of what is not said between soft (0) and stiff (1), where cases differ by it.
     """
 
     text: str
@@ -570,10 +552,7 @@ def show_in_window(result: Path, *, colour: str | None = None, picture: Path | N
     ``result`` is a .pvd, .vtu, .vtk or .msh file, or the folder of a run; ``colour`` names the
     array to colour by.
 
-    Raises
-    ------
-    InputError
-        Where pyvista or a display is missing, or the file has no such array.
+    Raises InputError: Where pyvista or a display is missing, or the file has no such array.
     """
     from ...converters.mesh.meshdata import read_data
     from ...converters.mesh.vtk import read_pvd

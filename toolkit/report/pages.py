@@ -264,10 +264,7 @@ def _coloured_points(
 def touch_of(scene: Scene) -> TouchBody:
     """Body of ``scene`` as it is held, without its loads, to be pulled.
 
-    Raises
-    ------
-    UsageError
-        Where it cannot be, and why.
+    Raises UsageError: Where it cannot be, and why.
     """
     if not scene.held.fixed.any():
         raise UsageError("nothing holds it: there is nothing to pull at")

@@ -82,18 +82,11 @@ def trace(
 ) -> Float[np.ndarray, "height width 3"]:
     """Picture (sRGB, [0, 1]) of a surface on white ground.
 
-    Parameters
-    ----------
-    surface
-        What is seen.
-    camera
-        Where it is seen from; its size is the picture's.
-    up
-        Axis that points up.
-    ground
-        Height [m] of the ground, by default where the surface is lowest.
-    samples
-        Rays towards the sky from each point that a ray meets.
+    surface: What is seen.
+    camera: Where it is seen from; its size is the picture's.
+    up: Axis that points up.
+    ground: Height [m] of the ground, by default where the surface is lowest.
+    samples: Rays towards the sky from each point that a ray meets.
     """
     fine = camera.resized(*(SMOOTHING * side for side in camera.size))
     light = _Daylight(surface, up_vector(up), ground, np.random.default_rng(0))

@@ -317,10 +317,7 @@ LOAD, GRAVITY = "load", ("gx", "gy", "gz")
 def answer_table(path: Path, model: ReducedModel, scene: Scene) -> WhatIfTable:
     """Answer every row of the table at ``path`` by ``model``, and some by the full body.
 
-    Raises
-    ------
-    InputError
-        Where the table is empty, names what is no part, or holds what is no number.
+    Raises InputError: Where the table is empty, names what is no part, or holds what is no number.
     """
     header, rows = _read(path, model.region_names)
     columns = dict(zip(header, rows.T, strict=True))

@@ -79,12 +79,8 @@ def run_scenario(
     ``classes`` are those of the material point method by part, where they were found; ``progress``
     hears of the scenario, and of every frame of a motion.
 
-    Raises
-    ------
-    UsageError
-        Where the scenario cannot use the law.
-    ConvergenceError
-        Where the solver does not reach its tolerance.
+    Raises UsageError: Where the scenario cannot use the law.
+    Raises ConvergenceError: Where the solver does not reach its tolerance.
     """
     started = time.perf_counter()
     if progress is not None:
@@ -499,10 +495,7 @@ def checked_alpha(alpha: float | None, ends: int) -> float:
 def moduli_between(ends: Sequence[MotionFit], alpha: float | None = None) -> Moduli:
     """Moduli at ``alpha`` between fits to a soft and to a stiff motion: even in log E, and in nu.
 
-    Raises
-    ------
-    UsageError
-        Where there is one end only, or ``alpha`` lies beyond them.
+    Raises UsageError: Where there is one end only, or ``alpha`` lies beyond them.
     """
     share = checked_alpha(alpha, len(ends))
     soft, stiff = ends[0], ends[-1]
@@ -522,10 +515,7 @@ def grained(
 
     ``materials`` are the rows of the table by part.
 
-    Raises
-    ------
-    UsageError
-        Where ``--grain`` is not understood, or cannot be followed.
+    Raises UsageError: Where ``--grain`` is not understood, or cannot be followed.
     """
     stated = stated_grains(mesh, options.grain)
     if method in METHODS_WITH_GRAIN:
@@ -555,10 +545,7 @@ def stated_grains(mesh: TetMesh, entries: Sequence[str]) -> dict[str, np.ndarray
 def stated_conditions(options: SimulateOptions) -> ConditionsFile:
     """Conditions of the file of ``--scene`` and then of the options, and gravity [m/s^2] if said.
 
-    Raises
-    ------
-    UsageError
-        Where gravity is negative, or a number is none.
+    Raises UsageError: Where gravity is negative, or a number is none.
     """
     read = ConditionsFile(BoundaryConditions(), None)
     if options.scene is not None:
