@@ -17,7 +17,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from autophyx_tet.toolkit.asset.sweethome3d import SOURCES, catalog, extract
+from autophyx_tet.research.datasets.sweethome3d import SOURCES, catalog, extract
 
 # Coarse, so that fifty objects fit into minutes; the scenario is the default, sag.
 COARSE = {"edge_length_rel": 0.1, "epsilon_rel": 0.01, "max_tets": 4000, "order": 1, "cells": 24}

@@ -56,7 +56,7 @@ def _fetch_cgal(root: Path) -> None:
 
 
 def _sweethome3d(root: Path) -> list[Path]:
-    from autophyx_tet.toolkit.asset.sweethome3d import SOURCES, catalog, extract
+    from autophyx_tet.research.datasets.sweethome3d import SOURCES, catalog, extract
 
     files = []
     for source in SOURCES:

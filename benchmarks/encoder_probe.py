@@ -25,8 +25,14 @@ from autophyx_tet.fem.errors import AutophyxError
 from autophyx_tet.predictors.appearance.views import Views, hemisphere, render_views
 from autophyx_tet.predictors.encoders import load_encoder
 from autophyx_tet.predictors.text.hearing import bare_words, kind_of
+from autophyx_tet.research.datasets.sweethome3d import (
+    SOURCES,
+    TRAINING,
+    VALIDATION,
+    catalog,
+    extract,
+)
 from autophyx_tet.toolkit.asset.load import load_asset
-from autophyx_tet.toolkit.asset.sweethome3d import SOURCES, TRAINING, VALIDATION, catalog, extract
 from probe import Regions, fit_probe, score
 
 KINDS = ("metal", "plastic", "glass", "wood", "fabric")

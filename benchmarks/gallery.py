@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from subprocess import run
 
-from autophyx_tet.toolkit.asset.sweethome3d import SOURCES, Furniture, catalog, extract
+from autophyx_tet.research.datasets.sweethome3d import SOURCES, Furniture, catalog, extract
 from PIL import Image
 
 DOCS = Path(__file__).resolve().parent.parent / "docs"

@@ -20,7 +20,7 @@ from autophyx_tet.fem.errors import AutophyxError
 from autophyx_tet.fem.material import ElementMaterial
 from autophyx_tet.fem.scenarios import sag
 from autophyx_tet.predictors.asset import Asset
-from autophyx_tet.toolkit.asset import sweethome3d
+from autophyx_tet.research.datasets import sweethome3d
 from autophyx_tet.toolkit.asset.load import load_asset
 from autophyx_tet.toolkit.meshing.convert import tetrahedralize
 

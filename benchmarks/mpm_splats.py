@@ -54,7 +54,7 @@ def main() -> None:
     parser.add_argument("--held", type=float, default=0.45, help="share of the height")
     parser.add_argument("--output", type=Path, help="folder for the frames, else thrown away")
     options = parser.parse_args()
-    from autophyx_tet.toolkit.asset import sweethome3d
+    from autophyx_tet.research.datasets import sweethome3d
     from autophyx_tet.toolkit.asset.load import load_asset
 
     (item,) = (

@@ -44,7 +44,7 @@ def demo_mesh(folder: Path) -> Path:
 
 
 def _make(name: str, folder: Path, path: Path) -> None:
-    from autophyx_tet.toolkit.asset import sweethome3d
+    from autophyx_tet.research.datasets import sweethome3d
 
     source, _, _ = name.partition("/")
     (item,) = (i for i in sweethome3d.catalog(source) if i.key == name)

@@ -27,6 +27,7 @@ from autophyx_tet.predictors.encoders.minilm import MiniLM
 from autophyx_tet.predictors.encoders.network import COLOURS, Widths
 from autophyx_tet.predictors.encoders.plain import public_backbone
 from autophyx_tet.predictors.text.hearing import KINDS
+from autophyx_tet.research.datasets.sweethome3d import TRAINING, VALIDATION, catalog, extract
 from autophyx_tet.research.training.encoder.corpus import Specimen, read_corpus, write_corpus
 from autophyx_tet.research.training.encoder.head import (
     HeadOptions,
@@ -36,7 +37,6 @@ from autophyx_tet.research.training.encoder.head import (
     shipped_weights,
 )
 from autophyx_tet.toolkit.asset.load import load_asset
-from autophyx_tet.toolkit.asset.sweethome3d import TRAINING, VALIDATION, catalog, extract
 from probe import Regions, balanced, fit_probe
 
 log = logging.getLogger("train_image_encoder")

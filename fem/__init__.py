@@ -1,7 +1,7 @@
 """Finite elements: tetrahedra, materials, elasticity; usable alone, it imports no other room.
 
 In: a mesh with E, nu, rho on every tet, and what holds, loads and meets it.
-Out: how it settles, moves or rings, with verdicts; gradients by E, nu, rho.
+Out: how it settles, moves or rings; gradients by E, nu, rho.
 Read: mesh, material, scene, laws, elements, linalg, solve, mpm, reduced, springs, scenarios.
 
 The public names load on first use: ``from autophyx_tet.fem import TetMesh, solve_static``.
@@ -61,7 +61,6 @@ _HOME = {
     "poke": "scenarios",
     "drop": "scenarios",
     "squeeze": "scenarios",
-    "Check": "verdicts",
 }
 __all__ = [*_HOME]  # noqa: PLE0604  # pyright: ignore[reportUnsupportedDunderAll]
 __getattr__, __dir__ = on_first_use(__name__, _HOME)

@@ -15,9 +15,9 @@ import numpy as np
 
 from ..fem.errors import AutophyxError
 from ..predictors.encoders import speaking_encoder
-from ..toolkit.asset import sweethome3d
 from ..toolkit.asset.child import Progress
 from ..toolkit.asset.document import check_file, check_folder
+from .datasets import sweethome3d
 from .datasets.real import CELLS, RealObject, save_real, voxelise
 
 if TYPE_CHECKING:

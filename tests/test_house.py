@@ -15,7 +15,7 @@ FLOORS = {
     "fem": (
         "errors", "validation", "registry", "device", "table", "material", "mesh",
         "scene", "laws", "elements", "linalg", "grain", "solve", "mpm", "reduced", "springs",
-        "identify", "scenarios", "safety", "uncertainty", "verdicts",
+        "identify", "scenarios", "safety", "uncertainty",
     ),
     "predictors": (
         "asset", "grid", "field", "encoders", "text", "appearance", "prediction", "lookup",

@@ -16,9 +16,7 @@ from ..predictors.appearance.features import (
     cell_looks,
     features_of_views,
 )
-from ..predictors.appearance.features import (
-    features as features_of,
-)
+from ..predictors.appearance.features import features as features_of
 from ..predictors.appearance.segmentation import Segmentation, best_segmentation
 from ..predictors.asset import Asset
 from ..predictors.encoders import ImageEncoder, load_encoder, speaking_encoder

@@ -17,13 +17,7 @@ from ..solve.result import Motion, MotionResult, ParticleRun
 from ..validation import checked_count, checked_number, checked_positive
 from .boundaries import BackgroundGrid, Wall, scene_room, support_walls
 from .materials import MaterialClass, Substance
-from .particles import (
-    Followers,
-    Particles,
-    ParticleState,
-    particle_forces,
-    sample_tets,
-)
+from .particles import Followers, Particles, ParticleState, particle_forces, sample_tets
 from .rigid import Stiff, Treatment, bending_regions, near_fixed, treated, treatment_notes
 from .solver import MpmSolver
 from .time_step import BUDGET, COURANT, MpmError, stable_step

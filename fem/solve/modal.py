@@ -23,12 +23,7 @@ from ..elements.forces import consistent_mass, diagonal_mass, lumped_mass
 from ..elements.space import LARGEST_MOVING, Space, affordable_order, extend_linear
 from ..errors import ConvergenceError, InputError
 from ..laws.law import Law
-from ..linalg.cholesky import (
-    NotPositive,
-    find_factor,
-    known_factor,
-    planned_elimination,
-)
+from ..linalg.cholesky import NotPositive, find_factor, known_factor, planned_elimination
 from ..linalg.krylov import RitzPairs, lanczos
 from ..linalg.multigrid import TwoLevel, scale
 from ..linalg.solver import MOST_ENTRIES, PIVOT, rough_inverse

@@ -13,7 +13,7 @@ from autophyx_tet.fem.scene.loads import spread_force
 from autophyx_tet.fem.scene.scene import Scene
 from autophyx_tet.fem.scene.supports import Supports
 from autophyx_tet.fem.solve.equilibrium import StaticMethod
-from autophyx_tet.fem.verdicts import discretisation
+from autophyx_tet.toolkit.verdict.checks import discretisation
 
 from .bodies import faces_at, with_uniform
 

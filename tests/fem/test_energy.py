@@ -20,7 +20,7 @@ from autophyx_tet.fem.solve.dynamics import Dynamics
 from autophyx_tet.fem.solve.result import Motion, MotionResult, energy_balance
 from autophyx_tet.fem.solve.schemes import Scheme
 from autophyx_tet.fem.springs.method import SpringMethod
-from autophyx_tet.fem.verdicts import PARTICLE_EXCESS, SPRING_EXCESS, keeps_energy
+from autophyx_tet.toolkit.verdict.checks import PARTICLE_EXCESS, SPRING_EXCESS, keeps_energy
 
 from .bodies import with_uniform
 from .reduced.bodies import linear, whole

@@ -20,7 +20,7 @@ from autophyx_tet.fem.solve.modal import natural_modes
 from autophyx_tet.fem.solve.result import ModelError, MotionResult
 from autophyx_tet.fem.solve.schemes import Scheme
 from autophyx_tet.fem.solve.statics import solve_averaged, solve_static
-from autophyx_tet.fem.verdicts import follows, locking
+from autophyx_tet.toolkit.verdict.checks import follows, locking
 
 from .bodies import faces_at, shaken_box, with_uniform
 

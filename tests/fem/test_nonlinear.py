@@ -15,7 +15,7 @@ from autophyx_tet.fem.scene.obstacles import Plane
 from autophyx_tet.fem.scene.supports import Supports
 from autophyx_tet.fem.solve.nonlinear import solve_nonlinear
 from autophyx_tet.fem.solve.statics import solve_static
-from autophyx_tet.fem.verdicts import holds_shape
+from autophyx_tet.toolkit.verdict.checks import holds_shape
 
 from .bodies import faces_at, shaken_box, symmetry_planes, with_uniform
 

@@ -9,7 +9,7 @@ from autophyx_tet.fem.scene.supports import Supports
 from autophyx_tet.fem.solve.equilibrium import StaticMethod
 from autophyx_tet.fem.solve.statics import solve_static
 from autophyx_tet.fem.table import load_strengths, load_table
-from autophyx_tet.fem.verdicts import percent, strength, usual_size
+from autophyx_tet.toolkit.verdict.checks import percent, strength, usual_size
 
 from .bodies import faces_at
 

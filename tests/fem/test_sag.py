@@ -9,7 +9,7 @@ from autophyx_tet.fem.scenarios import sag
 from autophyx_tet.fem.scene.scene import Scene
 from autophyx_tet.fem.scene.supports import Supports
 from autophyx_tet.fem.solve.equilibrium import StaticMethod
-from autophyx_tet.fem.verdicts import holds_shape
+from autophyx_tet.toolkit.verdict.checks import holds_shape
 
 from .bodies import shaken_box, with_uniform
 

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from autophyx_tet.fem import verdicts as checks
 from autophyx_tet.fem.errors import InputError
 from autophyx_tet.fem.laws.law import Law
 from autophyx_tet.fem.mesh import box_mesh
@@ -12,6 +11,7 @@ from autophyx_tet.fem.scenarios import drop, hang, poke, sag, squeeze, wind
 from autophyx_tet.fem.scene.supports import Supports
 from autophyx_tet.fem.solve.modal import natural_modes
 from autophyx_tet.fem.solve.nonlinear import solve_nonlinear
+from autophyx_tet.toolkit.verdict import checks
 
 from .bodies import shaken_box, with_uniform
 

@@ -10,7 +10,7 @@ from autophyx_tet.fem.scene.supports import Supports
 from autophyx_tet.fem.solve import self_contact
 from autophyx_tet.fem.solve.dynamics import METHOD, Dynamics
 from autophyx_tet.fem.solve.self_contact import SelfContact
-from autophyx_tet.fem.verdicts import no_penetration
+from autophyx_tet.toolkit.verdict.checks import no_penetration
 from hypothesis import given, settings
 from hypothesis import strategies as st
 

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from autophyx_tet.fem import verdicts
 from autophyx_tet.fem.mesh import box_mesh
 from autophyx_tet.fem.scenarios import hang, sag
 from autophyx_tet.fem.scene.loads import pressure
@@ -11,6 +10,7 @@ from autophyx_tet.fem.scene.supports import Supports
 from autophyx_tet.fem.solve.buckling import find_load_factor
 from autophyx_tet.fem.solve.equilibrium import StaticMethod
 from autophyx_tet.fem.solve.statics import solve_static
+from autophyx_tet.toolkit.verdict import checks as verdicts
 from autophyx_tet.toolkit.verdict.verdict import Verdict
 
 from .bodies import faces_at, random_rotation, with_uniform

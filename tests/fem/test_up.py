@@ -12,7 +12,7 @@ from autophyx_tet.fem.scene.obstacles import Plane
 from autophyx_tet.fem.scene.up import UpAxis, half_turn, lowest_corner, up_index, up_vector
 from autophyx_tet.fem.solve.contact import foothold
 from autophyx_tet.fem.solve.method import SCENARIOS
-from autophyx_tet.fem.verdicts import stays_upright
+from autophyx_tet.toolkit.verdict.checks import stays_upright
 
 from .bodies import shaken_box
 

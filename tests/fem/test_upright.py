@@ -9,7 +9,7 @@ from autophyx_tet.fem.scenarios import Poke, Sag
 from autophyx_tet.fem.scene.scene import Hold
 from autophyx_tet.fem.solve.contact import foothold
 from autophyx_tet.fem.solve.equilibrium import StaticMethod
-from autophyx_tet.fem.verdicts import stays_upright
+from autophyx_tet.toolkit.verdict.checks import stays_upright
 
 from .bodies import with_uniform
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 from autophyx_tet.fem.mesh import box_mesh
-from autophyx_tet.fem.verdicts import usual_mass
+from autophyx_tet.toolkit.verdict.checks import usual_mass
 
 from .bodies import with_uniform
 

@@ -5,7 +5,6 @@ import pytest
 from autophyx_tet.fem.errors import InputError
 from autophyx_tet.fem.material import ElementMaterial
 from autophyx_tet.fem.mesh import TetMesh, altitudes, boundary_faces, box_mesh
-from autophyx_tet.fem.verdicts import largest_explicit_step
 from autophyx_tet.toolkit.meshing.guarantees import separate
 from autophyx_tet.toolkit.meshing.quality import (
     boundary_kind,
@@ -13,6 +12,7 @@ from autophyx_tet.toolkit.meshing.quality import (
     quality,
     radius_ratios,
 )
+from autophyx_tet.toolkit.verdict.checks import largest_explicit_step
 
 REGULAR = np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]], float)
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from autophyx_tet.converters.mesh.meshdata import read_mesh
 from autophyx_tet.fem.table import load_table
-from autophyx_tet.toolkit.asset import sweethome3d
+from autophyx_tet.research.datasets import sweethome3d
 from autophyx_tet.toolkit.cli.main import main
 
 pytestmark = [pytest.mark.real, pytest.mark.slow]

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
+from autophyx_tet.research.datasets.sweethome3d import catalog, extract
 from autophyx_tet.toolkit.asset.load import load_asset
 from autophyx_tet.toolkit.asset.repair import repair
 from autophyx_tet.toolkit.asset.solids import Solids, hollowed
-from autophyx_tet.toolkit.asset.sweethome3d import catalog, extract
 from autophyx_tet.toolkit.asset.triangles import closest
 from autophyx_tet.toolkit.meshing.convert import tetrahedralize
 

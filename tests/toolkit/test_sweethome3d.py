@@ -4,7 +4,7 @@ import re
 
 import pytest
 from autophyx_tet.fem.errors import UsageError
-from autophyx_tet.toolkit.asset import sweethome3d
+from autophyx_tet.research.datasets import sweethome3d
 
 HIDDEN = ["BlendSwap-CC-" + "BY", "Real" + "lusion"]  # split, so that this file does not match
 
@@ -19,7 +19,7 @@ def test_the_hidden_sources_are_refused():
 def test_no_other_file_names_the_archives(root):
     """Neither the hidden sources nor the archive suffix stands anywhere else in the project."""
     suffix = ".sh" + "3f"
-    allowed = {root / "toolkit/asset/sweethome3d.py"}
+    allowed = {root / "research/datasets/sweethome3d.py"}
     rooms = ("fem", "predictors", "converters", "toolkit", "research", "tests", "benchmarks")
     for room in rooms:
         for path in (root / room).rglob("*.py"):

@@ -1,7 +1,7 @@
 """What a person reads: tables of every verb, each verdict with its way out, frames in one line."""
 
-from autophyx_tet.fem.verdicts import Check
 from autophyx_tet.toolkit.cli import terminal
+from autophyx_tet.toolkit.verdict.checks import Check
 from autophyx_tet.toolkit.verdict.verdict import ADVICE, Verdict, with_doubts
 
 

@@ -256,7 +256,7 @@ def _verdicts(document: Document) -> Iterator[str]:
 
 def _answer(document: Document) -> Iterator[str]:
     """The numbers of a body at rest, in motion or ringing, and their verdicts."""
-    from ...fem.verdicts import percent
+    from ..verdict.checks import percent
 
     if answer := document.get("sag"):
         yield (

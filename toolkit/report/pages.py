@@ -25,13 +25,13 @@ from ...fem.reduced.model import ReducedModel, Subspace
 from ...fem.scene.scene import Scene
 from ...fem.scene.up import up_vector
 from ...fem.table import Span
-from ...fem.verdicts import GIVES_WAY
 from ...predictors.appearance.surface import skin_of
 from ...predictors.asset import Asset, UpAxis
 from ...predictors.prediction import GUESS
 from ..asset.document import SCHEMA, Sidecar, now, plain, versions, write_json
 from ..meshing.messages import listed
 from ..meshing.quality import Quality, dihedral_angles, quality
+from ..verdict.checks import GIVES_WAY
 from ..verdict.description import describe, marks
 from ..verdict.run import RunResult, Stopwatch
 from ..verdict.simulation import Ringing, Settled, Simulation

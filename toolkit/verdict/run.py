@@ -88,7 +88,7 @@ class RunResult:
 
     def verdicts(self) -> list[list[Verdict]]:
         """Of every case: are its values usual, and can the eye tell it from the first one."""
-        from ...fem.verdicts import distinguishable
+        from .checks import distinguishable
         from .simulation import Settled
 
         found = [case.assignment.verdicts() for case in self.cases]

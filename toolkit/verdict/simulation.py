@@ -25,7 +25,7 @@ from .description import describe, vector_words
 from .verdict import Verdict, as_table, in_a_line, si, with_doubts
 
 if TYPE_CHECKING:
-    from ...fem.verdicts import Check
+    from .checks import Check
 
 
 class Animation(NamedTuple):
@@ -268,7 +268,7 @@ class Settled(Simulation):
 
     def checks(self) -> Sequence[Check]:
         """Shape, buckling, mesh, explicit step, size, standing, strength, frequency, range."""
-        from ...fem.verdicts import (
+        from .checks import (
             first_frequency,
             span_of_answers,
             static_checks,
@@ -386,7 +386,7 @@ class Moving(Simulation):
 
     def checks(self) -> Sequence[Check]:
         """Nothing goes through an obstacle or gains energy; who presses whom; fit elements."""
-        from ...fem.verdicts import (
+        from .checks import (
             contact_forces,
             follows,
             in_the_grid,
@@ -455,7 +455,7 @@ class Ringing(Simulation):
 
     def checks(self) -> Sequence[Check]:
         """Rings or wobbles; within which range."""
-        from ...fem.verdicts import first_frequency, span_of_answers
+        from .checks import first_frequency, span_of_answers
 
         checks = [first_frequency(self.modes)]
         if (known := self.intervals) is not None:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal, Protocol, runtime_checkable
 import numpy as np
 
 if TYPE_CHECKING:
-    from ...fem.verdicts import Check
+    from .checks import Check
 
 
 Mark = Literal["good", "note", "warning", "bad", "unmade"]

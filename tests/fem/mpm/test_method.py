@@ -11,7 +11,7 @@ from autophyx_tet.fem.mpm.materials import MaterialClass, Substance
 from autophyx_tet.fem.mpm.method import PRESETS, MpmMethod
 from autophyx_tet.fem.mpm.particles import Followers, ParticleState, sample_tets
 from autophyx_tet.fem.mpm.time_step import MpmError
-from autophyx_tet.fem.verdicts import keeps_energy
+from autophyx_tet.toolkit.verdict.checks import keeps_energy
 
 from ..bodies import random_rotation, shaken_box
 

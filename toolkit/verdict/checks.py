@@ -8,13 +8,13 @@ from typing import Literal
 
 import numpy as np
 
-from .laws.law import LAWS
-from .mesh import USUAL_SIZE, TetMesh, edge_share, largest_explicit_step, material_of
-from .safety import Safety
-from .scene.scene import Scene
-from .scene.up import up_vector
-from .solve.contact import foothold
-from .solve.result import (
+from ...fem.laws.law import LAWS
+from ...fem.mesh import USUAL_SIZE, TetMesh, edge_share, largest_explicit_step, material_of
+from ...fem.safety import Safety
+from ...fem.scene.scene import Scene
+from ...fem.scene.up import up_vector
+from ...fem.solve.contact import foothold
+from ...fem.solve.result import (
     BENDS_ALIKE,
     LOCKING,
     MOTION_LIMIT,
@@ -27,7 +27,7 @@ from .solve.result import (
     energy_balance,
     too_coarse,
 )
-from .uncertainty import Interval, Likely
+from ...fem.uncertainty import Interval, Likely
 
 # A body holds its shape if no point moves more than this fraction of its longest side.
 HOLDS = 0.05
