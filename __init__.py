@@ -5,8 +5,10 @@ The public names load on first use, so importing the package is instant.
 
 from __future__ import annotations
 
+from .fem.note import speak_by
 from .fem.registry import on_first_use
 
+speak_by("autophyx_tet.toolkit.verdict.sentences", "template")
 __version__ = "0.1.0"
 
 # Public name -> module that owns it.

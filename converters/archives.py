@@ -13,6 +13,7 @@ import numpy as np
 
 from ..fem.errors import InputError
 from ..fem.identify import MotionFit
+from ..fem.note import Note
 from ..fem.reduced.model import Accuracy, ReducedModel, Subspace
 from ..fem.solve.schemes import Scheme
 from ..fem.springs.fit import SpringFit
@@ -101,7 +102,7 @@ def load_reduced(path: str | os.PathLike) -> ReducedModel:
     >>> round(float(load_reduced("bar.npz").mass.sum()), 9)  # kg: rho V
     4.0
     """
-    with _loaded(path, "ReducedModel", "a reduced model saved by this package") as (arrays, meta):
+    with _loaded(path, "ReducedModel", Note("archives.reduced_model")) as (arrays, meta):
         if missing := set(_ARRAYS) - set(arrays):
             raise InputError(f"{path} has no {', '.join(sorted(missing))}")
         return ReducedModel(
@@ -121,7 +122,7 @@ def save_fits(path: str | os.PathLike, fits: Sequence[MotionFit]) -> None:
 
 def load_fits(path: str | os.PathLike) -> tuple[MotionFit, ...]:
     """Load what ``save_fits`` wrote, the soft end first; ``InputError`` if it is another file."""
-    with _loaded(path, "MotionFit", "parameters that `match` saved") as (arrays, meta):
+    with _loaded(path, "MotionFit", Note("archives.parameters_match_saved")) as (arrays, meta):
         fits = []
         for end, scheme in enumerate(meta["schemes"]):
             numbers = {name: float(arrays[name][end]) for name in _NUMBERS}
@@ -138,7 +139,7 @@ def save_springs(path: str | os.PathLike, fit: SpringFit) -> None:
 
 def load_springs(path: str | os.PathLike) -> SpringFit:
     """Load what ``save_springs`` wrote; ``InputError`` if it is something else."""
-    wanted = "parameters that `match --solver spring` saved"
+    wanted = Note("archives.parameters_match")
     with _loaded(path, "SpringFit", wanted) as (arrays, _):
         return SpringFit(**{name: arrays[name].item() for name in _SPRING_NUMBERS})
 
@@ -159,7 +160,14 @@ def _loaded(
     with reading(path, wanted) as source:
         meta = json.loads(str(arrays.pop("meta", "{}")))
         if meta.get("kind") != kind:
-            raise InputError(f"{source} holds {meta.get('kind', 'no meta')!r}, wanted a {kind}")
+            raise InputError(
+                "archives.holds_wanted", source=source, get=meta.get("kind", "no meta"), value=kind
+            )
         if meta["version"] != VERSIONS[kind]:
-            raise InputError(f"{source} has version {meta['version']}, wanted {VERSIONS[kind]}")
+            raise InputError(
+                "archives.version_wanted",
+                source=source,
+                meta=meta["version"],
+                versions=VERSIONS[kind],
+            )
         yield arrays, meta

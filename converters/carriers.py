@@ -82,7 +82,12 @@ def append_material(
         )  # fmt: skip
     roomless = format_of(out_path, POINT_FORMATS).write is None
     if roomless and target_path.suffix.lower() != out_path.suffix.lower():
-        raise InputError(f"{out_path}: {target_path.suffix} is not converted to {out_path.suffix}")
+        raise InputError(
+            "carriers.converted",
+            out_path=out_path,
+            suffix=target_path.suffix,
+            suffix_2=out_path.suffix,
+        )
     table = read_points(target_path)
     positions = table.positions
     valid = np.asarray(np.isfinite(positions).all(axis=1))
@@ -127,7 +132,7 @@ def is_density(path: Path) -> bool:
     if suffix in POINT_FORMATS:
         return False
     known = ", ".join(sorted({*GRID_FORMATS, *POINT_FORMATS}))
-    raise InputError(f"{path}: cannot transfer onto {suffix!r}; known are {known}")
+    raise InputError("carriers.cannot_transfer", path=path, suffix=suffix, known=known)
 
 
 def sample_columns(field: MaterialField, sample: FieldSample, *, real: str) -> dict:

@@ -19,6 +19,7 @@ import numpy as np
 from ..fem.errors import AutophyxError, InputError
 from ..fem.material import material_arrays, material_from
 from ..fem.mesh import TetMesh
+from ..fem.note import Note
 from ..predictors.field import MaterialField, Ranges
 from ..predictors.grid import Grid
 
@@ -35,12 +36,12 @@ def reading(path: str | os.PathLike, wanted: str) -> Iterator[Path]:
     """
     path = Path(path)
     if not path.exists():
-        raise InputError(f"no such file: {path}; wanted {wanted}")
+        raise InputError("files.such_file", path=path, wanted=wanted)
     if not path.is_file():
-        raise InputError(f"{path} is not a file; wanted {wanted}")
+        raise InputError("files.file_wanted", path=path, wanted=wanted)
     try:
         if path.stat().st_size == 0:
-            raise InputError(f"{path} is empty (0 bytes); wanted {wanted}")
+            raise InputError("files.empty_bytes", path=path, wanted=wanted)
         yield path
     except AutophyxError as error:
         if str(path) in str(error):
@@ -48,9 +49,7 @@ def reading(path: str | os.PathLike, wanted: str) -> Iterator[Path]:
         raise type(error)(f"{path}: {error}") from error
     except Exception as error:
         reason = str(error) or type(error).__name__
-        raise InputError(
-            f"cannot read {path}: {reason}; wanted {wanted}, is it cut short?"
-        ) from error
+        raise InputError("files.cannot_read", path=path, reason=reason, wanted=wanted) from error
 
 
 @contextmanager
@@ -124,9 +123,7 @@ def alone(folder: str | os.PathLike) -> Iterator[None]:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as error:
             os.close(lock)
-            raise InputError(
-                f"another run is at work in {folder}: wait for its end, or give another -o"
-            ) from error
+            raise InputError("files.another_run", folder=folder) from error
         try:
             yield
         finally:
@@ -158,10 +155,7 @@ def _listed(path: Path) -> Path:
 
 
 def _unwritable(path: Path, error: OSError) -> InputError:
-    return InputError(
-        f"cannot write {path}: {error.strerror or error}; choose a folder that exists and is "
-        "writable"
-    )
+    return InputError("files.cannot_write", path=path, value=error.strerror or error)
 
 
 # Counts that a file announces, held against its size before a parser allocates for them.
@@ -185,8 +179,10 @@ def check_counts(path: Path) -> None:
         for count in found.groups():
             if count is not None and int(count) > len(data):
                 raise InputError(
-                    f"{path}: announces {count.decode()[:20]} of something, has {len(data)} bytes: "
-                    "it is cut short or damaged"
+                    "files.announces_something",
+                    path=path,
+                    decode=count.decode()[:20],
+                    count=len(data),
                 )
 
 
@@ -196,20 +192,20 @@ def check_las(path: Path) -> None:
     with path.open("rb") as file:
         head = file.read(375)
     if len(head) < 227 or head[:4] != b"LASF":
-        raise InputError(f"{path}: does not start like a LAS file (LASF and 227 bytes)")
+        raise InputError("files.start_like", path=path)
     start, records, kind, width, points = struct.unpack_from("<IIBHI", head, 96)
     extended = 0
     if head[25] >= 4 and len(head) == 375:  # LAS 1.4 counts in 64 bits
         extended, points = struct.unpack_from("<IQ", head, 243)
     packed = LAZ_MOST if kind >= 128 else 1
     for what, need in (
-        ("variable length records", records * VLR_BYTES),
+        (Note("files.variable_length"), records * VLR_BYTES),
         ("extended records", extended * EVLR_BYTES),
-        ("bytes before the points", start),
-        ("bytes of points", points * width // packed),
+        (Note("files.bytes_before"), start),
+        (Note("files.bytes_points"), points * width // packed),
     ):
         if need > size:
-            raise InputError(f"{path}: announces {need} bytes of {what}, has {size}")
+            raise InputError("files.announces_bytes", path=path, need=need, what=what, size=size)
 
 
 # Our own .npz: a material field or a tet mesh with units and version, no pickles.
@@ -219,7 +215,7 @@ def check_las(path: Path) -> None:
 
 VERSION = 1
 UNITS = {"E": "Pa", "nu": "1", "rho": "kg/m^3", "points": "m", "origin": "m", "spacing": "m"}
-WANTED = "an .npz file of named arrays"
+WANTED = Note("files.npz_file")
 # A compressed archive may announce more than a machine holds: 16 GiB is a 512^3 field and more.
 MAX_BYTES = 1 << 34
 
@@ -230,7 +226,7 @@ def load_npz(path: str | os.PathLike, *, max_bytes: int = MAX_BYTES) -> dict[str
         with zipfile.ZipFile(source) as archive:
             size = sum(member.file_size for member in archive.infolist())
         if size > max_bytes:
-            raise InputError(f"{path} unpacks to {size} bytes, at most {max_bytes} are taken")
+            raise InputError("files.unpacks_bytes", path=path, size=size, max_bytes=max_bytes)
         with np.load(source, allow_pickle=False) as arrays:  # noqa: TID251 - the one place
             return {name: arrays[name] for name in arrays.files}
 
@@ -238,7 +234,7 @@ def load_npz(path: str | os.PathLike, *, max_bytes: int = MAX_BYTES) -> dict[str
 def save_npz(path: str | os.PathLike, **arrays: np.ndarray) -> None:
     """Save named arrays, compressed, all or nothing; an array of objects is refused."""
     if objects := [name for name, array in arrays.items() if np.asarray(array).dtype.hasobject]:
-        raise InputError(f"arrays of Python objects cannot be saved: {objects}")
+        raise InputError("files.arrays_python", objects=objects)
     with writing(path) as target, target.open("wb") as file:
         np.savez_compressed(file, allow_pickle=False, **arrays)
 
@@ -269,15 +265,17 @@ def save(path: str | os.PathLike, value: MaterialField | TetMesh) -> None:
 def load(path: str | os.PathLike) -> MaterialField | TetMesh:
     """Load what ``save`` wrote, checked as on construction."""
     arrays = load_npz(path)
-    with reading(path, "a field or mesh saved by this package") as source:
+    with reading(path, Note("files.field_mesh")) as source:
         if "meta" not in arrays:
-            raise InputError(f"{source} has no entry 'meta', got {sorted(arrays)}")
+            raise InputError("files.entry_meta", source=source, arrays=sorted(arrays))
         meta = json.loads(str(arrays.pop("meta")))
         kind, version = meta.get("kind"), meta.get("version")
         if version != VERSION:
-            raise InputError(f"{source} has version {version}, this package reads {VERSION}")
+            raise InputError(
+                "files.version_package", source=source, version=version, version_2=VERSION
+            )
         if kind not in ("MaterialField", "TetMesh"):
-            raise InputError(f"{source} holds a {kind!r}, wanted a MaterialField or a TetMesh")
+            raise InputError("files.holds_wanted", source=source, value=kind)
         if kind == "TetMesh":
             return TetMesh(
                 arrays["points"],

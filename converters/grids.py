@@ -21,6 +21,7 @@ from jaxtyping import Float
 
 from ..fem.device import start_warp
 from ..fem.errors import InputError, NoVolumeError
+from ..fem.note import Note
 from ..predictors.grid import MAX_CELLS, Grid
 from . import files as npz
 from .files import reading, writing
@@ -70,17 +71,15 @@ class DensityGrid:
 
     def __post_init__(self) -> None:
         if not (np.isfinite([self.lo, self.hi]).all() and (self.hi > self.lo).all()):
-            raise InputError(f"a density grid needs a box with hi > lo, got {self.lo} .. {self.hi}")
+            raise InputError("grids.density_grid", lo=self.lo, hi=self.hi)
         if self.density.size == 0 or self.density.size > MAX_CELLS:
-            raise InputError(
-                f"density of shape {self.density.shape}: 1 to {MAX_CELLS} cells wanted"
-            )
+            raise InputError("grids.density_shape", shape=self.density.shape, max_cells=MAX_CELLS)
         if not np.isfinite(self.density).all():
-            raise InputError(f"{(~np.isfinite(self.density)).sum()} densities are not finite")
+            raise InputError("grids.densities_finite", count=(~np.isfinite(self.density)).sum())
         for name, values in self.fields.items():
             if values.shape != self.density.shape:
                 raise InputError(
-                    f"{name} has shape {values.shape}, density {self.density.shape}: one a cell"
+                    "grids.shape_density", name=name, shape=values.shape, shape_2=self.density.shape
                 )
 
     @property
@@ -110,7 +109,7 @@ class DensityGrid:
         """Lower and upper corner [m] of the box around the cells above the threshold."""
         cells = np.argwhere(self.density > self.threshold)
         if not len(cells):
-            raise InputError(f"no cell has a density above {self.threshold:g}")
+            raise InputError("grids.cell_density", threshold=self.threshold)
         low, high = cells.min(axis=0), cells.max(axis=0) + 1
         return np.stack([self.lo + low * self.spacing, self.lo + high * self.spacing])
 
@@ -121,12 +120,12 @@ class DensityGrid:
 def read_density_archive(path: str | os.PathLike) -> DensityGrid:
     """Read the arrays density, aabb_min, aabb_max and, where there, order and threshold."""
     arrays = npz.load_npz(path)
-    with reading(path, "an .npz with density, aabb_min, aabb_max"):
+    with reading(path, Note("grids.npz_density")):
         missing = {"density", "aabb_min", "aabb_max"} - arrays.keys()
         if missing:
             raise InputError(f"{path} lacks {sorted(missing)}, got {sorted(arrays)}")
         if str(arrays.pop("order", "xyz")) != "xyz":
-            raise InputError(f"{path}: axes must be in the order 'xyz'")
+            raise InputError("grids.axes_must", path=path)
         return DensityGrid(
             np.asarray(arrays.pop("aabb_min"), dtype=np.float64),
             np.asarray(arrays.pop("aabb_max"), dtype=np.float64),
@@ -188,7 +187,7 @@ def read_density(path: str | os.PathLike) -> DensityGrid:
     """
     reader = format_of(path, GRID_FORMATS).read
     if reader is None:
-        raise InputError(f"{path}: {Path(path).suffix} is written only")
+        raise InputError("grids.written_only", path=path, suffix=Path(path).suffix)
     return reader(path)
 
 
@@ -227,7 +226,7 @@ def write_density(path: str | os.PathLike, grid: DensityGrid) -> list[Path]:
     writer = GRID_FORMATS[suffix].write if suffix in GRID_FORMATS else None
     if writer is None:
         raise InputError(
-            f"{path}: density grids are written as {' or '.join(written(GRID_FORMATS))}"
+            "grids.density_grids", path=path, written=" or ".join(written(GRID_FORMATS))
         )
     files = writer(path, grid)
     if lost := density_losses(path, grid):
@@ -252,11 +251,11 @@ _MAX_BYTES = 1 << 32  # unpacked snapshot
 
 def read_instant_ngp(path: str | os.PathLike) -> DensityGrid:
     """Read the density of an instant-ngp snapshot, finest cascade, in the axes of its dataset."""
-    with reading(path, "an instant-ngp snapshot (.ingp, .msgpack)") as source:
+    with reading(path, Note("grids.instant_ngp")) as source:
         try:
             import msgpack
         except ImportError as error:
-            raise InputError("snapshots need msgpack: pip install 'autophyx-tet[nerf]'") from error
+            raise InputError("grids.snapshots_need") from error
         content = source.read_bytes()
         if content[:2] == b"\x1f\x8b":
             with gzip.open(source) as file:  # a read of all would set the whole bound aside
@@ -266,7 +265,7 @@ def read_instant_ngp(path: str | os.PathLike) -> DensityGrid:
         n = int(snapshot["density_grid_size"])
         raw = np.frombuffer(snapshot["density_grid_binary"], dtype="<f2")
         if n < 1 or n & (n - 1) or raw.size < n**3:
-            raise InputError(f"{raw.size} densities of a grid of {n}^3; wanted a power of two")
+            raise InputError("grids.densities_grid", size=raw.size, n=n)
         # Place of cell (x, y, z) in Morton order, x the lowest bit, shape (n, n, n)
         axis = np.arange(n)
         spread = np.zeros(n, dtype=np.int64)
@@ -294,7 +293,7 @@ INSTANT_NGP = Format("instant-ngp snapshot", (".ingp", ".msgpack"), read_instant
 
 def read_nerfacc(path: str | os.PathLike) -> DensityGrid:
     """Read the finest level of an estimator's occupancy; of a state dict, tensors only."""
-    with reading(path, "a state dict with nerfacc's occs, aabbs and resolution") as source:
+    with reading(path, Note("grids.state_dict")) as source:
         if source.suffix.lower() == ".safetensors":
             from safetensors.torch import load_file
 
@@ -308,11 +307,7 @@ def read_nerfacc(path: str | os.PathLike) -> DensityGrid:
         for want in ("occs", "aabbs", "resolution"):
             names = [name for name in state if name.split(".")[-1] == want]
             if len(names) != 1:
-                raise InputError(
-                    f"{path}: one tensor named {want} wanted, got {names}: of a network's weights "
-                    "only nerfacc's occupancy is read; export the density of others as .npz "
-                    "(density, aabb_min, aabb_max)"
-                )
+                raise InputError("grids.tensor_named", path=path, want=want, names=names)
             found[want] = state[names[0]].numpy()
         shape = tuple(int(n) for n in found["resolution"].ravel())
         finest = found["occs"].reshape(-1, int(np.prod(shape)))[0].reshape(shape)
@@ -391,7 +386,7 @@ def _marched(values: Float[np.ndarray, "nx ny nz"], grid: Grid, level: float) ->
     nx, ny, nz = values.shape
     vertices, faces = igl.marching_cubes(flat, points, nx, ny, nz, level)[:2]
     if np.size(faces) == 0:
-        raise NoVolumeError(f"no surface: the largest value is {values.max():g}, cut {level:g}")
+        raise NoVolumeError("grids.surface_largest", max=values.max(), level=level)
     surface = trimesh.Trimesh(vertices, faces, process=True)
     if surface.volume < 0:
         surface.invert()
@@ -420,7 +415,7 @@ def _solid(dense: np.ndarray) -> np.ndarray:
 
 def read_nanovdb(path: str | os.PathLike) -> DensityGrid:
     """Read a float grid over the box of its voxels; its threshold is 0."""
-    with reading(path, "a NanoVDB file with a float grid") as source:
+    with reading(path, Note("grids.nanovdb_file")) as source:
         from .kernels import lookup
 
         warp = start_warp()
@@ -428,14 +423,14 @@ def read_nanovdb(path: str | os.PathLike) -> DensityGrid:
             volume = warp.Volume.load_from_nvdb(file, device="cpu")
         info = volume.get_grid_info()
         if info.type_str != "float":
-            raise InputError(f"{path} holds a grid of {info.type_str}, wanted float")
+            raise InputError("grids.holds_grid", path=path, type_str=info.type_str)
         cells = volume.get_voxels()
         values = warp.zeros(len(cells), dtype=warp.float32, device="cpu")
         warp.launch(lookup, len(cells), [volume.id, cells], [values], device="cpu")
         cells, values = cells.numpy(), values.numpy()
         low, shape = cells.min(axis=0), np.ptp(cells, axis=0) + 1
         if np.prod(shape, dtype=np.float64) > MAX_CELLS:
-            raise InputError(f"{path} spans {shape} cells, at most {MAX_CELLS} in all are taken")
+            raise InputError("grids.spans_cells", path=path, shape=shape, max_cells=MAX_CELLS)
         density = np.zeros(shape, dtype=np.float32)
         density[tuple((cells - low).T)] = values
         spacing = np.array([*volume.get_voxel_size()], dtype=np.float64)

@@ -15,20 +15,21 @@ from pathlib import Path
 from typing import Any
 
 from ..fem.errors import InputError
+from ..fem.note import Note
 from ..fem.registry import Registry
 
 
 class Keeps(StrEnum):
     """What of a mesh, a scene, a table of points, a grid or an asset may survive in a file."""
 
-    REGIONS = "regions and their names"
-    E = "E of every tet"
-    NU = "nu of every tet"
-    RHO = "rho of every tet"
-    POINT_DATA = "further arrays on the points"
-    CELL_DATA = "further arrays on the tets"
-    HELD = "points held in every direction"
-    ROLLERS = "points held in some directions"
+    REGIONS = Note("registry.regions_names")
+    E = Note("registry.every_tet")
+    NU = Note("registry.nu_every")
+    RHO = Note("registry.rho_every")
+    POINT_DATA = Note("registry.further_arrays")
+    CELL_DATA = Note("registry.further_arrays_tets")
+    HELD = Note("registry.points_held")
+    ROLLERS = Note("registry.points_held_some")
     PRESCRIBED = "prescribed displacements"
     SPRINGS = "springs"
     QUADRATIC = "quadratic elements"
@@ -36,12 +37,12 @@ class Keeps(StrEnum):
     COLUMNS = "further columns"
     REMARKS = "remarks"
     HARMONICS = "spherical harmonics"
-    OTHERS = "what else a file of its own holds"
+    OTHERS = Note("registry.else_file")
     ARRAYS = "further arrays"
-    THRESHOLD = "the density of the surface"
-    UNIT = "the unit of length"
-    UP = "the up axis"
-    PARTS = "names of parts"
+    THRESHOLD = Note("registry.density_surface")
+    UNIT = Note("registry.unit_length")
+    UP = Note("registry.up_axis")
+    PARTS = Note("registry.names_parts")
 
 
 MATERIAL = frozenset({Keeps.E, Keeps.NU, Keeps.RHO})
@@ -112,7 +113,9 @@ def format_of(path: str | os.PathLike, formats: Registry[Format]) -> Format:
     suffix = Path(path).suffix.lower()
     if suffix not in formats:
         known = ", ".join(f"{name} ({formats[name].title})" for name in formats)
-        raise InputError(f"{path}: unknown {formats.kind} {suffix!r}; known are {known}")
+        raise InputError(
+            "registry.unknown_known_2", path=path, value=formats.kind, suffix=suffix, known=known
+        )
     return formats[suffix]
 
 
@@ -123,7 +126,7 @@ def written(formats: Registry[Format]) -> tuple[str, ...]:
 
 def told_lost(path: str | os.PathLike, form: Format, lost: Iterable[str]) -> str:
     """Sentence about what of the given a file will not hold."""
-    return f"{path}: {form.title} does not keep {', '.join(lost)}"
+    return Note("registry.keep", path=path, title=form.title, lost=", ".join(lost))
 
 
 _HERE = __package__ or ""

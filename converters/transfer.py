@@ -36,7 +36,7 @@ def field_from_tets(mesh: TetMesh, *, cells: int = 64) -> MaterialField:
     Regions become parts; one too thin to hold a centre gets a voxel with its mean values.
     """
     if mesh.material is None:
-        raise InputError("the mesh has no material yet: run `assign` first")
+        raise InputError("transfer.mesh_material")
     voxels = voxelize(mesh, cells=cells)
     owner = containing_tets(mesh, voxels.grid)
     stamped = voxels.occupied & (mesh.region[owner] != voxels.part)
@@ -106,15 +106,17 @@ def field_from_points(
         name = columns[quantity]
         if name is None:
             raise InputError(
-                f"points have no {quantity} (also {ALIASES[quantity][1:]}), "
-                f"got {list(table.columns)}"
+                "transfer.points_also",
+                quantity=quantity,
+                aliases=ALIASES[quantity][1:],
+                columns=list(table.columns),
             )
         values[quantity] = np.asarray(table.columns[name], dtype=np.float64).ravel()
     positions = table.positions
     good = np.isfinite(positions).all(axis=1)
     good &= np.all([np.isfinite(v) for v in values.values()], axis=0)
     if not good.any():
-        raise InputError("no point has finite x, y, z, E, nu, rho")
+        raise InputError("transfer.point_finite")
     positions = positions[good]
     bounds = np.stack([positions.min(axis=0), positions.max(axis=0)])
     if spacing is None:

@@ -95,7 +95,7 @@ def checked_device(device: str) -> str:
     wp = start_warp()
     known = [d.alias for d in wp.get_devices()]
     if device not in (*known, *(["cuda"] if wp.is_cuda_available() else [])):
-        raise InputError(f"no device {device!r} here: have {known}; use device='cpu'")
+        raise InputError("device.device_use", device=device, known=known)
     return device
 
 

@@ -1,15 +1,27 @@
 """The error family: every failure that is not a bug, each with the exit code of the CLI.
 
-A message says what was got, what was wanted and what to do next, with value, index and count.
+A message says what was got, what was wanted and what to do next, with value, index and count. What
+is raised carries a kind and these values; its sentence is made elsewhere, as that of every note.
 """
 
 from __future__ import annotations
 
+from typing import Any
+
+from .note import Note
+
 
 class AutophyxError(ValueError):
-    """An error the user can act on; ``exit_code`` is what the CLI returns for it."""
+    """An error the user can act on; ``exit_code`` is what the CLI returns for it.
+
+    ``note`` has its kind and values; text that is no kind stands for itself.
+    """
 
     exit_code = 1
+
+    def __init__(self, kind: str = "", /, **values: Any) -> None:
+        self.note = Note(kind, **values)
+        super().__init__(str(self.note))
 
 
 class UsageError(AutophyxError):

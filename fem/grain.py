@@ -11,6 +11,7 @@ from jaxtyping import Float, Int
 from .errors import UsageError
 from .material import orthotropic_constants, orthotropic_tensor
 from .mesh import TetMesh, material_of
+from .note import Note
 from .table import OrthotropicConstants, load_grains, load_table
 
 # A part that is so many times as long as it is wide was cut along the grain.
@@ -57,9 +58,9 @@ def with_grains(
     for part in stated:
         if materials.get(part) not in grains:
             row = materials.get(part)
-            why = f"{row!r} has no grain in the table" if row else "its material is not known"
+            why = Note("grain.grain_table", row=row) if row else Note("grain.material_known")
             names = ", ".join(parts_of_grain(materials)) or "none"
-            raise UsageError(f"--grain part:{part}: {why}; parts with one are {names}")
+            raise UsageError("grain.grain_part", part=part, why=why, names=names)
     grained = material.grained
     along: list[str] = []
     blind: list[str] = []
@@ -82,12 +83,9 @@ def with_grains(
         material = material.with_grain(tets, unit.times(material.E[tets]), axes)
     notes = []
     if along:
-        notes.append(f"the grain is taken along {'; '.join(along)}: --grain says otherwise")
+        notes.append(Note("grain.grain_taken", along="; ".join(along)))
     if blind:
-        notes.append(
-            f"{', '.join(blind)}: which way the grain runs is not known, so it is as stiff across "
-            "as along: --grain part:NAME=x,y,z says it"
-        )
+        notes.append(Note("grain.way_grain", blind=", ".join(blind)))
     return Grained(mesh.with_material(material), tuple(notes))
 
 

@@ -18,6 +18,7 @@ from .device import single_threaded
 from .errors import ConvergenceError, InputError
 from .laws.law import Law
 from .material import lame_parameters
+from .note import Note
 from .reduced.elasticity import ReducedElasticity, solve_dense
 from .reduced.model import ReducedModel
 from .reduced.motion import ReducedDynamics
@@ -113,8 +114,7 @@ def fit_motion(
     u = observed.displacement
     if len(u) < 3 or u.shape[1] != model.vertices or not np.abs(u[1:]).max() > 0:
         raise InputError(
-            f"a motion of {len(u)} frames and {u.shape[1]} points for a model of "
-            f"{model.vertices}: wanted three frames of the same mesh that moves"
+            "identify.motion_frames", count=len(u), shape=u.shape[1], vertices=model.vertices
         )
     root = np.sqrt(model.mass[: model.vertices]).repeat(3)
     span, seen = np.linalg.qr(root[:, None] * model.basis[: model.vertices].reshape(len(root), -1))
@@ -139,9 +139,7 @@ def fit_motion(
         for _ in range(len(u) - 1):
             body.advance(observed.dt)
             if body.last_dt != observed.dt:
-                raise ConvergenceError(
-                    "a step of the fit had to be halved: wanted frames closer in time"
-                )
+                raise ConvergenceError("identify.step_fit")
             step = Step.of(scheme, observed.dt, now, before)
             K = body.elasticity.tangent(body.now.u)
             K.flat[:: len(K) + 1] += step.factor
@@ -180,12 +178,9 @@ def fit_warnings(fit: MotionFit) -> tuple[str, ...]:
     if fit.nu is None:
         return ()
     if not NU_LOW < fit.nu < NU_HIGH:
-        return (f"nu ended at its limit of {fit.nu:g}: the motion does not tell it, nor E well",)
+        return (Note("identify.nu_ended", nu=fit.nu),)
     if fit.error > NU_MISFIT:
-        return (
-            f"nu is not to be trusted at a misfit of {fit.error:.1%}: the coordinates do not "
-            "follow the motion well enough to tell it",
-        )
+        return (Note("identify.nu_trusted", error=fit.error),)
     return ()
 
 
@@ -219,10 +214,7 @@ def _gauss_newton(
         else:
             break
     if runs >= MOST and last > UNSETTLED:
-        raise ConvergenceError(
-            f"the fit does not settle within {MOST} motions: its last step was {last:.1%}; wanted "
-            "a motion of the same scene"
-        )
+        raise ConvergenceError("identify.fit_settle", most=MOST, last=last)
     return p, size, J, first, runs
 
 

@@ -67,7 +67,7 @@ def orthotropic_tensor(
     """
     c, turn = constants, np.asarray(axes, dtype=float)
     if not (np.isfinite(turn).all() and np.allclose(turn @ turn.mT, np.eye(3), atol=1e-9)):
-        raise InputError(f"axes of a grain {turn.tolist()}: wanted three unit vectors, square on")
+        raise InputError("material.axes_grain", tolist=turn.tolist())
     diagonal = (1 / c.E_L, 1 / c.E_R, 1 / c.E_T, 0.5 / c.G_RT, 0.5 / c.G_LT, 0.5 / c.G_LR)
     along = np.stack(np.broadcast_arrays(*diagonal), axis=-1)
     compliance = along[..., None] * np.eye(6)
@@ -75,7 +75,7 @@ def orthotropic_tensor(
     for i, j, value in cross:
         compliance[..., i, j] = compliance[..., j, i] = value
     if not (np.isfinite(compliance).all() and (np.linalg.eigvalsh(compliance) > 0).all()):
-        raise InputError(f"no material is like that, it would give energy away: {constants}")
+        raise InputError("material.material_like", constants=constants)
     columns = _turning(turn)
     return columns @ np.linalg.inv(compliance) @ columns.mT
 
@@ -146,14 +146,14 @@ class ElementMaterial:
         for name in ("E", "nu", "rho"):
             array = np.array(getattr(self, name), dtype=np.float64)
             if array.ndim != 1:
-                raise InputError(f"{name} must have shape (tets,), got {array.shape}")
+                raise InputError("material.must_shape", name=name, shape=array.shape)
             array.flags.writeable = False
             object.__setattr__(self, name, array)
         sizes = {name: getattr(self, name).size for name in ("E", "nu", "rho")}
         if len(set(sizes.values())) > 1:
-            raise InputError(f"E, nu and rho must have one value per tet each, got {sizes}")
+            raise InputError("material.nu_rho", sizes=sizes)
         if (self.tensor is None) != (self.axes is None):
-            raise InputError("stiffness tensors and the axes of the grain come together")
+            raise InputError("material.stiffness_tensors")
         _check("E", "Pa", "E > 0", self.E, self.E > 0)
         _check("nu", "1", "0 <= nu < 0.5", self.nu, (self.nu >= 0) & (self.nu < 0.5))
         _check("rho", "kg/m^3", "rho > 0", self.rho, self.rho > 0)
@@ -261,6 +261,12 @@ def _check(name: str, unit: str, wanted: str, array: np.ndarray, good: np.ndarra
     bad = np.flatnonzero(~(good & np.isfinite(array)))
     if bad.size:
         raise InputError(
-            f"{name} = {array[bad[0]]:g} [{unit}] at tet {bad[0]} "
-            f"({bad.size} of {array.size} bad): wanted {wanted}, SI units"
+            "material.tet_bad",
+            name=name,
+            array=array[bad[0]],
+            unit=unit,
+            bad=bad[0],
+            size=bad.size,
+            size_2=array.size,
+            wanted=wanted,
         )

@@ -15,6 +15,7 @@ from jaxtyping import Bool, Float, Int
 
 from .errors import InputError
 from .material import ElementMaterial, wave_speed
+from .note import Note
 
 # Sizes [m] that things which people assign materials to have: beyond, a unit was likely mistaken.
 USUAL_SIZE = (0.002, 30.0)
@@ -78,7 +79,7 @@ class TetMesh:
 
     def __repr__(self) -> str:
         names = ", ".join(self.region_names[:5]) + ", ..." * (len(self.region_names) > 5)
-        known = "" if self.material is None else ", with E, nu and rho"
+        known = "" if self.material is None else Note("mesh.nu_rho")
         return f"<TetMesh: {len(self.tets):,} tets, {len(self.points):,} points, {names}{known}>"
 
     def __post_init__(self) -> None:
@@ -86,36 +87,41 @@ class TetMesh:
         tets = _frozen(self.tets, np.int32)
         region = _frozen(self.region, np.int32)
         if points.ndim != 2 or points.shape[1] != 3:
-            raise InputError(f"points must have shape (points, 3), got {points.shape}")
+            raise InputError("mesh.points_must", shape=points.shape)
         if tets.ndim != 2 or tets.shape[1] != 4 or len(tets) == 0:
-            raise InputError(
-                f"tets must have shape (tets, 4) with at least one tet, got {tets.shape}"
-            )
+            raise InputError("mesh.tets_must", shape=tets.shape)
         bad = np.flatnonzero(~np.isfinite(points).all(axis=1))
         if bad.size:
             raise InputError(
-                f"point {bad[0]} is not finite ({bad.size} of {len(points)}): {points[bad[0]]}"
+                "mesh.point_finite",
+                bad=bad[0],
+                size=bad.size,
+                count=len(points),
+                points=points[bad[0]],
             )
         if tets.min() < 0 or tets.max() >= len(points):
             raise InputError(
-                f"tets name points {tets.min()}..{tets.max()}, the mesh has 0..{len(points) - 1}"
+                "mesh.tets_name", min=tets.min(), max=tets.max(), count=len(points) - 1
             )
         if region.shape != (len(tets),):
-            raise InputError(f"region must have shape ({len(tets)},), got {region.shape}")
+            raise InputError("mesh.region_must", count=len(tets), shape=region.shape)
         if len(set(self.region_names)) != len(self.region_names):
-            raise InputError(f"region names must be unique, got {list(self.region_names)}")
+            raise InputError("mesh.region_names", region_names=list(self.region_names))
         if region.min() < 0 or region.max() >= len(self.region_names):
             ids, names = f"{region.min()}..{region.max()}", len(self.region_names)
-            raise InputError(f"region ids {ids} but {names} region names")
+            raise InputError("mesh.region_ids", ids=ids, names=names)
         volumes = signed_volumes(points, tets)
         bad = np.flatnonzero(~(volumes > 0))
         if bad.size:
             raise InputError(
-                f"tet {bad[0]} has volume {volumes[bad[0]]:g} m^3 ({bad.size} of {len(tets)} tets "
-                "are flat or inverted): wanted > 0; TetMesh.oriented(...) flips mirrored tets"
+                "mesh.tet_volume",
+                bad=bad[0],
+                volumes=volumes[bad[0]],
+                size=bad.size,
+                count=len(tets),
             )
         if self.material is not None and self.material.E.size != len(tets):
-            raise InputError(f"material of {self.material.E.size} tets on a mesh of {len(tets)}")
+            raise InputError("mesh.material_tets", size=self.material.E.size, count=len(tets))
         for name, value in (("points", points), ("tets", tets), ("region", region)):
             object.__setattr__(self, name, value)
         object.__setattr__(self, "region_names", tuple(self.region_names))
@@ -200,7 +206,7 @@ def join_meshes(mesh: TetMesh, other: TetMesh, shift: Float[np.ndarray, "3"]) ->
 def material_of(mesh: TetMesh) -> ElementMaterial:
     """Material of ``mesh``; ``InputError`` where it has none yet."""
     if mesh.material is None:
-        raise InputError("the mesh has no material yet: run `assign` first")
+        raise InputError("mesh.mesh_material")
     return mesh.material
 
 
@@ -307,7 +313,7 @@ def free_motions(mesh: TetMesh, held: Bool[np.ndarray, "points 3"]) -> FreeMotio
     labels = face_components(mesh)
     count = int(labels.max()) + 1
     if count > MAX_COMPONENTS:
-        raise InputError(f"{count} separate pieces: wanted at most {MAX_COMPONENTS}")
+        raise InputError("mesh.separate_pieces", count=count, max_components=MAX_COMPONENTS)
     pairs = np.unique(np.stack([mesh.tets.ravel(), np.repeat(labels, 4)], axis=1), axis=0)
     point, component = pairs.T
     owner = np.zeros(len(mesh.points), dtype=np.int64)

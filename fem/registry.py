@@ -13,6 +13,7 @@ from importlib import import_module
 from typing import Any, TypeVar
 
 from .errors import UsageError
+from .note import Note
 
 T = TypeVar("T")
 
@@ -57,21 +58,27 @@ class Registry(Mapping[str, T]):
     def register(self, name: str, member: T) -> T:
         """Add a member under a free ``name`` and return it; ``UsageError`` where it is taken."""
         if name in self:
-            raise UsageError(f"there is a {self.kind} {name!r} already: choose another name")
+            raise UsageError("registry.already_choose", value=self.kind, name=name)
         self._loaded[name] = member
         return member
 
     def unregister(self, name: str) -> None:
         """Take out a member that ``register`` added."""
         if name in self._homes:
-            raise UsageError(f"{self.kind} {name!r} belongs to the package: it stays")
+            raise UsageError("registry.belongs_package", value=self.kind, name=name)
         self._loaded.pop(name, None)
 
     def unknown(self, name: str) -> str:
         """Sentence for a name that is not here: what is, and the nearest."""
         near = difflib.get_close_matches(name, self.names, n=1)
-        hint = f"; did you mean {near[0]!r}?" if near else ""
-        return f"unknown {self.kind} {name!r}: known are {', '.join(self.names)}{hint}"
+        hint = Note("registry.you_mean", near=near[0]) if near else ""
+        return Note(
+            "registry.unknown_known",
+            value=self.kind,
+            name=name,
+            names=", ".join(self.names),
+            hint=hint,
+        )
 
 
 def on_first_use(
@@ -81,7 +88,7 @@ def on_first_use(
 
     def load(name: str) -> Any:
         if name not in homes:
-            raise AttributeError(f"module {package!r} has no attribute {name!r}")
+            raise AttributeError(Note("registry.module_attribute", package=package, name=name))
         return getattr(import_module(f".{homes[name]}", package), name)
 
     def names() -> list[str]:

@@ -11,6 +11,7 @@ import numpy as np
 from .errors import InputError
 from .laws.law import Law
 from .mesh import TetMesh, face_normals, material_of
+from .note import Note
 from .scene.loads import Traction, spread_force
 from .scene.obstacles import gripper
 from .scene.scene import Scene
@@ -35,7 +36,7 @@ class Sag:
     free to expand sideways.
     """
 
-    title: ClassVar[str] = "Sag under its own weight"
+    title: ClassVar[str] = Note("scenarios.sag_under")
     method: ClassVar[str] = "statics"
     with_modes: ClassVar[bool] = True
 
@@ -45,7 +46,9 @@ class Sag:
     def scene(self, mesh: TetMesh, *, up: UpAxis = "z") -> Scene:
         """Scene of the standing ``mesh``."""
         if self.supports not in SUPPORTS:
-            raise InputError(f"supports {self.supports!r}: wanted one of {', '.join(SUPPORTS)}")
+            raise InputError(
+                "scenarios.supports_wanted", supports=self.supports, supports_2=", ".join(SUPPORTS)
+            )
         held, warnings = find_supports(mesh, up, three_point=self.supports == "three-point")
         weight = -checked_number("gravity", self.gravity, "m/s^2", least=0.0) * up_vector(up)
         stands = {"supports": held, "ground": ground_under(mesh, up)}
@@ -109,7 +112,7 @@ def sag(
 class Hang:
     """It hangs from its highest points under ``gravity`` [m/s^2], downwards."""
 
-    title: ClassVar[str] = "Hanging under its own weight"
+    title: ClassVar[str] = Note("scenarios.hanging_under")
     method: ClassVar[str] = "statics"
     with_modes: ClassVar[bool] = False
 
@@ -174,7 +177,7 @@ class Wind:
     wind. The weight is left out: the answer is what the wind adds. Faces do not shelter each other.
     """
 
-    title: ClassVar[str] = "In the wind"
+    title: ClassVar[str] = Note("scenarios.wind")
     method: ClassVar[str] = "statics"
     with_modes: ClassVar[bool] = False
 
@@ -193,7 +196,7 @@ class Wind:
         windward = facing > 0
         push = 0.5 * AIR_DENSITY * speed**2 * drag * facing[windward, None] * blows
         held, warnings = find_supports(mesh, up)
-        loads = (Traction(faces[windward], push, "the windward side"),)
+        loads = (Traction(faces[windward], push, Note("scenarios.windward_side")),)
         stands = {"supports": held, "ground": ground_under(mesh, up)}
         return Scene(mesh=mesh, up=up, **stands, tractions=loads, warnings=warnings, **GUST)
 
@@ -260,7 +263,7 @@ class Poke:
     The force is spread over a patch of a twentieth of the diagonal; the weight is left out.
     """
 
-    title: ClassVar[str] = "Under a finger"
+    title: ClassVar[str] = Note("scenarios.under_finger")
     method: ClassVar[str] = "statics"
     with_modes: ClassVar[bool] = False
 
@@ -281,7 +284,11 @@ class Poke:
         patch = FINGER_RADIUS * float(np.linalg.norm(np.ptp(mesh.bounds, axis=0)))
         touched = faces[away <= max(patch, float(away.min()))]
         held, warnings = find_supports(mesh, up)
-        loads = (spread_force(mesh, touched, force * pushes)._replace(name="the touched patch"),)
+        loads = (
+            spread_force(mesh, touched, force * pushes)._replace(
+                name=Note("scenarios.touched_patch")
+            ),
+        )
         stands = {"supports": held, "ground": ground_under(mesh, up)}
         return Scene(mesh=mesh, up=up, **stands, tractions=loads, warnings=warnings)
 
@@ -366,7 +373,7 @@ class Squeeze:
     def scene(self, mesh: TetMesh, *, up: UpAxis = "z") -> Scene:
         """Scene of ``mesh`` between the plates; ``InputError`` where the share is not one."""
         if not 0 < self.share < 1:
-            raise InputError(f"share {self.share:g}: wanted between 0 and 1")
+            raise InputError("scenarios.share_wanted", share=self.share)
         checked_number("friction", self.friction, "", least=0.0)
         k = up_index(self.axis or ("x" if up[-1] != "x" else "y"))
         low, high = mesh.bounds
@@ -610,7 +617,7 @@ class Tear:
 class Vibration:
     """The first ``modes`` natural vibrations of the body clamped at its base."""
 
-    title: ClassVar[str] = "First natural vibration"
+    title: ClassVar[str] = Note("scenarios.first_natural")
     method: ClassVar[str] = "modal"
     with_modes: ClassVar[bool] = False
 

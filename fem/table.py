@@ -17,6 +17,7 @@ from typing import Literal, NamedTuple, get_args
 import numpy as np
 
 from .errors import InputError, UsageError
+from .note import Note
 
 TABLE_PATH = Path(__file__).parent / "data" / "materials.csv"
 CONTENTS_PATH = TABLE_PATH.with_name("contents.csv")
@@ -124,7 +125,7 @@ class Material:
         mean of its range and nu the arithmetic mean, capped at ``NU_CAP``.
         """
         if not 0 <= alpha <= 1:
-            raise UsageError(f"alpha must be between 0 (soft) and 1 (stiff), got {alpha}")
+            raise UsageError("table.alpha_must", alpha=alpha)
         E = self.E.min ** (1 - alpha) * self.E.max**alpha
         nu = min((self.nu.min + self.nu.max) / 2, NU_CAP)
         return MaterialValue(E, nu, (self.rho.min * self.rho.max) ** 0.5)
@@ -139,7 +140,9 @@ def stated_material(value: MaterialValue) -> Material:
 def outside_band(category: str, E: float, nu: float, rho: float) -> list[str]:
     """Return one sentence for each of E [Pa], nu [1], rho [kg/m^3] outside the category's band."""
     if category not in {*CATEGORIES, AS_STATED}:
-        raise UsageError(f"unknown category {category!r}: wanted one of {', '.join(CATEGORIES)}")
+        raise UsageError(
+            "table.unknown_category", category=category, categories=", ".join(CATEGORIES)
+        )
     if category in CATEGORIES:
         band = CATEGORIES[category]
     else:  # what is only stated may be of any
@@ -151,8 +154,16 @@ def outside_band(category: str, E: float, nu: float, rho: float) -> list[str]:
         if limit or not low <= value <= high:  # a NaN is outside too
             unit = {"E": "Pa", "nu": "1", "rho": "kg/m^3"}[field]
             complaints.append(
-                f"{field} = {value:g} [{unit}] is outside {category}: wanted {limit}"
-                f"{low:g} .. {high:g} (a unit slip?)"
+                Note(
+                    "table.outside_wanted",
+                    field=field,
+                    value=value,
+                    unit=unit,
+                    category=category,
+                    limit=limit,
+                    low=low,
+                    high=high,
+                )
             )
     return complaints
 
@@ -174,7 +185,7 @@ class MaterialTable:
                 low, high = getattr(row, field)
                 if not low <= high:
                     raise InputError(
-                        f"material {row.name!r}: {field} has min {low:g} > max {high:g}"
+                        "table.material_min", name=row.name, field=field, low=low, high=high
                     )
             # Rubber's nu may touch .5, the incompressible limit; the value taken is below it.
             nu_max = min(row.nu.max, NU_CAP) if row.nu.max == 0.5 else row.nu.max
@@ -185,7 +196,9 @@ class MaterialTable:
             for name in (row.name, *row.aliases):
                 if key(name) in self.phrases:
                     other = self.phrases[key(name)].name
-                    raise InputError(f"{name!r} names two materials: {other!r} and {row.name!r}")
+                    raise InputError(
+                        "table.names_materials", name=name, other=other, name_2=row.name
+                    )
                 self.phrases[key(name)] = row
 
     def __len__(self) -> int:
@@ -204,10 +217,12 @@ class MaterialTable:
         if key(name) in self.phrases:
             return self.phrases[key(name)]
         near = self.near(name)
-        hint = f"did you mean {', '.join(map(repr, near))}?" if near else "try a simpler word"
-        raise UsageError(
-            f"no material {name!r} in the table: {hint} (`autophyx-tet materials` lists all)"
+        hint = (
+            Note("table.you_mean", map=", ".join(map(repr, near)))
+            if near
+            else Note("table.try_simpler")
         )
+        raise UsageError("table.material_table", name=name, hint=hint)
 
     def near(self, name: str) -> list[str]:
         """Return up to three names and aliases that are spelled nearly so, the nearest first."""
@@ -236,7 +251,10 @@ def row_of_record(record: Mapping[str, str], place: str) -> Material:
             low, high = (float(record[column]) for column in _COLUMNS[field])
         except (KeyError, TypeError, ValueError) as error:
             raise InputError(
-                f"{place}: wanted a number in {' and '.join(_COLUMNS[field])}, got {error}"
+                "table.wanted_number",
+                place=place,
+                columns=" and ".join(_COLUMNS[field]),
+                error=error,
             ) from error
         return Span(low, high)
 
@@ -285,12 +303,17 @@ def load_table(path: str | Path | None = None) -> MaterialTable:
         with open(path or TABLE_PATH, encoding="utf-8", newline="") as file:
             records = list(csv.DictReader(file))
     except OSError as error:
-        raise InputError(f"cannot read the material table: {error}") from error
+        raise InputError("table.cannot_read", error=error) from error
     missing = {"name", "category", "source"} - set(records[0] if records else ())
     if missing:
-        raise InputError(f"material table {path} has no column {', '.join(sorted(missing))}")
+        raise InputError(
+            "table.material_table_column", path=path, missing=", ".join(sorted(missing))
+        )
     return MaterialTable(
-        tuple(row_of_record(r, f"material table, line {at}") for at, r in enumerate(records, 2))
+        tuple(
+            row_of_record(r, Note("table.material_table_line", at=at))
+            for at, r in enumerate(records, 2)
+        )
     )
 
 
@@ -427,7 +450,7 @@ def _records(table: str) -> list[dict[str, str]]:
         with open(path, encoding="utf-8", newline="") as file:
             return list(csv.DictReader(file))
     except OSError as error:
-        raise InputError(f"cannot read the table of {table}: {error}") from error
+        raise InputError("table.cannot_read_table", table=table, error=error) from error
 
 
 @lru_cache(maxsize=1)
@@ -437,7 +460,9 @@ def load_strengths() -> Mapping[str, Strength]:
     for record in _records("strength"):
         kind = next((known for known in get_args(StrengthKind) if known == record["kind"]), None)
         if kind is None:
-            raise InputError(f"strength of {record['name']!r}: unknown kind {record['kind']!r}")
+            raise InputError(
+                "table.strength_unknown", record=record["name"], record_2=record["kind"]
+            )
         tension, compression = (
             Span(float(record[f"{side}_min_Pa"]), float(record[f"{side}_max_Pa"]))
             if record[f"{side}_min_Pa"]
@@ -514,7 +539,7 @@ class WallShare:
         for name in ("volume", "bending"):
             value = getattr(self, name)
             if not 0 < value <= 1:
-                raise InputError(f"the wall's share of the {name} must be in (0, 1], got {value:g}")
+                raise InputError("table.walls_share", name=name, value=value)
 
     def stiffness(self, wall, inside: float):
         """Apparent E [Pa] of a wall and what it holds; ``wall`` may be an array of any shape."""

@@ -22,6 +22,7 @@ from .grain import is_of_row
 from .laws.law import Law
 from .material import ElementMaterial
 from .mesh import TetMesh, material_of
+from .note import Note
 from .reduced.sweep import LinearFamily, Member
 from .scene.scene import Scene
 from .solve.result import Modes, SagResult
@@ -58,7 +59,7 @@ class Likely(NamedTuple):
         first = self.frequencies[0] if self.frequencies else None
         answers = ((self.mass, ".3g"), (self.max_displacement, ".2g"), (first, ".3g"))
         mass, u, tone = (
-            f" (nine times in ten {x.words(form)})" if x else "" for x, form in answers
+            Note("uncertainty.nine_times", words=x.words(form)) if x else "" for x, form in answers
         )
         return mass, u, tone
 

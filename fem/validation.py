@@ -8,13 +8,14 @@ import numpy as np
 from jaxtyping import Float
 
 from .errors import InputError
+from .note import Note
 
 
 def checked_vector(name: str, given: Any, unit: str) -> Float[np.ndarray, "3"]:
     """Return ``given`` as three finite numbers [``unit``]; a scalar is no vector."""
     vector = np.array(given, dtype=np.float64)
     if vector.shape != (3,) or not np.isfinite(vector).all():
-        raise InputError(f"{name} {given}: wanted three finite numbers x, y, z [{unit}]")
+        raise InputError("validation.wanted_three", name=name, given=given, unit=unit)
     return vector
 
 
@@ -23,7 +24,7 @@ def checked_direction(name: str, given: Any) -> Float[np.ndarray, "3"]:
     vector = checked_vector(name, given, "1")
     length = np.linalg.norm(vector)
     if not length > 0:
-        raise InputError(f"{name} {given}: wanted a vector that is not zero")
+        raise InputError("validation.wanted_vector", name=name, given=given)
     return vector / length
 
 
@@ -31,7 +32,9 @@ def checked_number(name: str, given: Any, unit: str, *, least: float = -np.inf) 
     """Return ``given`` as a finite number [``unit``] that is at least ``least``."""
     number = float(given)
     if not (np.isfinite(number) and number >= least):
-        wanted = f"a number >= {least:g}" if np.isfinite(least) else "a finite number"
+        wanted = (
+            f"a number >= {least:g}" if np.isfinite(least) else Note("validation.finite_number")
+        )
         raise InputError(f"{name} {given:g} {unit}: wanted {wanted}".replace("  ", " "))
     return number
 
@@ -47,7 +50,7 @@ def checked_positive(name: str, given: Any, unit: str) -> float:
 def checked_count(name: str, given: int) -> int:
     """Return ``given`` as a whole number of at least one."""
     if given != int(given) or given < 1:
-        raise InputError(f"{name} {given}: wanted at least 1")
+        raise InputError("validation.wanted_least", name=name, given=given)
     return int(given)
 
 
@@ -58,11 +61,16 @@ def checked_rows(
     rows = np.array(given, dtype=np.float64)
     if rows.ndim != 2 or rows.shape[1:] != (3,) or len(rows) not in counts:
         wanted = " or ".join(f"({count}, 3): {what}" for count, what in counts.items())
-        raise InputError(f"{name} of shape {rows.shape}: wanted {wanted}")
+        raise InputError("validation.shape_wanted", name=name, shape=rows.shape, wanted=wanted)
     bad = np.flatnonzero(~np.isfinite(rows).all(axis=1))
     if bad.size:
         raise InputError(
-            f"{name} {rows[bad[0]]} [{unit}] at {bad[0]} ({bad.size} of {len(rows)}): "
-            "wanted finite numbers"
+            "validation.wanted_finite",
+            name=name,
+            rows=rows[bad[0]],
+            unit=unit,
+            bad=bad[0],
+            size=bad.size,
+            count=len(rows),
         )
     return rows

@@ -74,12 +74,10 @@ class Asset:
 
     def __post_init__(self) -> None:
         if not self.parts:
-            raise InputError(
-                f"asset {self.name!r} has no part: wanted at least one triangle surface"
-            )
+            raise InputError("asset.asset_part", name=self.name)
         names = [part.name for part in self.parts]
         if len(set(names)) != len(names):
-            raise InputError(f"part names must be unique, got {names}")
+            raise InputError("asset.part_names", names=names)
 
     @property
     def sampled(self) -> bool:

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..fem.errors import UsageError
+from ..fem.note import Note
 from ..fem.table import MaterialTable, key, load_table
 from .appearance.features import Appearance
 from .asset import UpAxis
@@ -50,18 +51,14 @@ def predict_materials(
         ``alpha`` is to move, or ``samples`` to draw, what a predictor finds that cannot do it.
     """
     if both := {key(name) for name in overrides or {}} & {key(name) for name in materials or {}}:
-        raise UsageError(
-            f"part {min(both)!r} has both a text and a material of the table: leave one of them out"
-        )
+        raise UsageError("assign.part_both", both=min(both))
     if isinstance(predictor, str):  # a table that is the user's own is its table too
         kind = PREDICTORS[predictor]
         if samples < 0:
-            raise UsageError(f"--samples {samples}: wanted a number from 0 on")
+            raise UsageError("assign.samples_wanted", samples=samples)
         if samples and not kind.takes_samples:
             able = " or ".join(name for name in PREDICTORS if PREDICTORS[name].takes_samples)
-            raise UsageError(
-                f"--samples: {predictor} finds one material a part: --predictor {able}"
-            )
+            raise UsageError("assign.samples_finds", predictor=predictor, able=able)
         options = {"table": table, "samples": samples or None}
         predictor = kind(**{name: value for name, value in options.items() if value is not None})
     table = table or load_table()
@@ -76,17 +73,19 @@ def predict_materials(
         if material and choice.guessed and not choice.clause and choice.understood:
             row = table.exact(material)
             choices[i] = PartChoice(
-                choice.part, row, row.value(choice.alpha), 1.0, choice.alpha, f"usual for a {kind}",
+                choice.part,
+                row,
+                row.value(choice.alpha),
+                1.0,
+                choice.alpha,
+                Note("assign.usual", value=kind),
                 guessed=True,
-            )  # fmt: skip
+            )
     made = Prediction.of(parts, choices, bound.sentence, alpha=alpha)
     if left_open := [i for i, c in enumerate(choices) if not c.settled and i in parts.part]:
         if alpha is not None and not predictor.takes_alpha:
             able = " or ".join(name for name in PREDICTORS if PREDICTORS[name].takes_alpha)
-            raise UsageError(
-                "--alpha moves a material within its range, and no word names one for part "
-                f"{choices[left_open[0]].part!r}: name it, or use --predictor {able}"
-            )
+            raise UsageError("assign.alpha_moves", part=choices[left_open[0]].part, able=able)
         first = alike(parts, left_open, [choice.clause for choice in choices])
         known = {"choices": choices, "appearance": appearance, "up": up, "alpha": alpha}
         found = predictor.predict(merged(parts, first), bound.sentence, **known)

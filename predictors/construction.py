@@ -13,10 +13,12 @@ from typing import Any, Literal, NamedTuple, get_args
 import numpy as np
 
 from ..fem.errors import InputError
+from ..fem.note import Note
 from ..fem.table import Material, MaterialTable, Span
 from .text.hearing import name_words, stem
 
 Form = Literal["solid", "walls in its shape", "shell", "unknown"]
+SHAPED: Form = "walls in its shape"
 
 # Of the volume of its hull: a closed surface with less has its walls in its shape (a tube with a
 # wall of a tenth of its radius has .19, an I-beam .14; a bottle's outside .8, two boxes of a car
@@ -70,11 +72,11 @@ class Construction:
         if self.form != "shell" or self.wall is None:
             taken = "solid" if self.form == "unknown" else self.form
             return f"taken as {taken}: {self.why}"
-        full = "full of" if self.inside.min else "half full, maybe, of"
+        full = "full of" if self.inside.min else Note("construction.half_full")
         held = f" {full} {self.filling}" if self.filling else ""
         held = held or (f" around {middle(self.inside):.3g} kg/m3" if self.inside.max else "")
         ends = " to ".join(dict.fromkeys(f"{1e3 * end:.2g}" for end in self.wall))
-        return f"taken as a wall of {ends} mm{held}: {self.why}"
+        return Note("construction.taken_wall", ends=ends, held=held, why=self.why)
 
 
 @dataclass(frozen=True)
@@ -136,7 +138,7 @@ def construction_of(
     contents: What things are called after that may hold it, "milk carton"; of no use to the full.
     """
     if solid or in_mesh:
-        return Construction(part, "walls in its shape" if in_mesh else "solid", "as told")
+        return Construction(part, SHAPED if in_mesh else "solid", "as told")
     inside = EMPTY
     if filling:
         inside = Span(FULL.min * filling.rho.min, FULL.max * filling.rho.max)
@@ -144,9 +146,13 @@ def construction_of(
     if wall is not None:
         return Construction(part, "shell", "as told", Span(wall, wall), inside, name, "as told")
     if hull_share < IN_ITS_SHAPE:
-        return Construction(part, "walls in its shape", f"{hull_share:.0%} of its hull is filled")
+        return Construction(
+            part,
+            SHAPED,
+            Note("construction.hull_filled", hull_share=hull_share),
+        )
     if words.said & _SOLID:
-        return Construction(part, "solid", "the text says so")
+        return Construction(part, "solid", Note("construction.text_says"))
     # The kind for things of this material, else one for any, else the nearest there is
     kinds = words.kinds
     exact = [kind for kind in kinds if kind.category == material.category]
@@ -170,17 +176,17 @@ def construction_of(
         return replace(shell, inside=inside, filling=name) if filling else shell
     any_wall = Span(*(share * smallest_side for share in ANY_WALL))
     if hollow or filling:
-        why = "it is said to be full" if filling else "it is said to be hollow"
-        guess = "judgement: 1 to 10 % of the smallest side"
+        why = Note("construction.said_full") if filling else Note("construction.said_hollow")
+        guess = Note("construction.judgement_smallest")
         return Construction(part, "shell", why, any_wall, inside, name, guess)
     if kind and kind.hollow == "never":
         return Construction(part, "solid", f"the kind {kind.name!r}", source=kind.source)
     if kind:
-        why = f"the kind {kind.name!r} is hollow as often as not"
+        why = Note("construction.kind_hollow", name=kind.name)
         return Construction(part, "unknown", why, kind.wall, kind.inside, "", kind.source)
     if material.category in HOLLOWED:
-        return Construction(part, "unknown", "nothing says whether it is hollow", any_wall)
-    return Construction(part, "solid", f"{material.name} is taken as it looks")
+        return Construction(part, "unknown", Note("construction.nothing_says"), any_wall)
+    return Construction(part, "solid", Note("construction.taken_looks", name=material.name))
 
 
 def _shell(part: str, kind: Kind) -> Construction:
@@ -284,7 +290,7 @@ def load_kinds() -> tuple[Kind, ...]:
         inside = Span(float(row["inside_min_kg_m3"]), float(row["inside_max_kg_m3"]))
         walled = row["hollow"] != "never"
         if row["hollow"] not in get_args(Hollow) or walled != (0 < wall.min <= wall.max):
-            raise InputError(f"{PATH.name}, line {line}: wanted 0 < min <= max of a wall, if any")
+            raise InputError("construction.line_wanted", name=PATH.name, line=line)
         kinds.append(
             Kind(
                 name=row["name"],

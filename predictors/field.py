@@ -74,19 +74,20 @@ class MaterialField:
         for name in ("occupied", "E", "nu", "rho", "part", "material"):
             array = getattr(self, name)
             if array is not None and array.shape != self.grid.shape:
-                raise InputError(f"{name} has shape {array.shape}, the grid {self.grid.shape}")
+                raise InputError(
+                    "field.shape_grid", name=name, shape=array.shape, shape_2=self.grid.shape
+                )
         if not self.occupied.any():
-            raise InputError("a material field needs at least one occupied cell, got none")
+            raise InputError("field.material_field")
         E, nu, rho = (getattr(self, name)[self.occupied] for name in ("E", "nu", "rho"))
         good = (E > 0) & (nu >= 0) & (nu < 0.5) & (rho > 0) & np.isfinite(E * rho)
         if not good.all():
             cell = np.argwhere(self.occupied)[np.flatnonzero(~good)[0]]
             raise InputError(
-                f"{(~good).sum()} of {good.size} occupied cells have values out of range, first at "
-                f"cell {tuple(cell)}: wanted E > 0 Pa, 0 <= nu < 0.5, rho > 0 kg/m^3"
+                "field.occupied_cells", count=(~good).sum(), size=good.size, cell=tuple(cell)
             )
         if self.part is not None and (self.part[self.occupied] < 0).any():
-            raise InputError("a field with part labels needs one on every occupied cell")
+            raise InputError("field.field_part")
 
 
 # How E, nu and rho become numbers in [-1, 1] for a network, and back.
@@ -139,7 +140,7 @@ class Normalisation:
             }
             return cls(**plain)
         except TypeError as error:
-            raise InputError(f"not a normalisation: {data} ({error})") from error
+            raise InputError("field.normalisation", data=data, error=error) from error
 
 
 DEFAULT = Normalisation()
@@ -205,7 +206,11 @@ def sample_field(
     bad = np.flatnonzero(~np.isfinite(points).all(axis=1))
     if bad.size:
         raise InputError(
-            f"point {bad[0]} is not finite ({bad.size} of {len(points)}): {points[bad[0]]}"
+            "field.point_finite",
+            bad=bad[0],
+            size=bad.size,
+            count=len(points),
+            points=points[bad[0]],
         )
     wanted = np.full(len(points), ANY_PART)
     if part is not None and field.part is not None:
@@ -213,8 +218,7 @@ def sample_field(
         missing = np.setdiff1d(part, [ANY_PART, *np.unique(field.part[field.occupied])])
         if missing.size:
             raise InputError(
-                f"part labels {missing.tolist()} have no voxel in the field; its parts are "
-                f"{dict(enumerate(field.part_names))}"
+                "field.part_labels", tolist=missing.tolist(), dict=dict(enumerate(field.part_names))
             )
     voxels = _voxels(field)
     nearest = np.zeros(len(points), dtype=np.int64)

@@ -43,13 +43,11 @@ class Grid:
         lo = np.asarray(self.lo, dtype=np.float64)
         shape = tuple(map(int, self.shape))
         if lo.shape != (3,) or not np.isfinite(lo).all():
-            raise InputError(f"grid corner must be three finite numbers [m], got {lo}")
+            raise InputError("grid.grid_corner", lo=lo)
         if not (np.isfinite(self.h) and self.h > 0):
-            raise InputError(f"grid cell must be > 0 m, got {self.h}")
+            raise InputError("grid.grid_cell", h=self.h)
         if len(shape) != 3 or min(shape) < 1 or np.prod(shape, dtype=np.float64) > MAX_CELLS:
-            raise InputError(
-                f"grid shape must be three sizes, at most {MAX_CELLS} cells, got {shape}"
-            )
+            raise InputError("grid.grid_shape", max_cells=MAX_CELLS, shape=shape)
         object.__setattr__(self, "lo", lo)
         object.__setattr__(self, "h", float(self.h))
         object.__setattr__(self, "shape", shape)
@@ -63,7 +61,7 @@ class Grid:
         lo, hi = np.asarray(bounds, dtype=np.float64)
         size = hi - lo
         if not (np.isfinite(size).all() and (size >= 0).all() and size.max() > 0):
-            raise InputError(f"bounds must be finite with hi > lo, got {lo} .. {hi}")
+            raise InputError("grid.bounds_must", lo=lo, hi=hi)
         h = size.max() / cells
         counts = np.maximum(np.ceil(size / h - 1e-9), 1).astype(int)  # 1e-9: round-off of size / h
         slack = (counts * h - size) / 2
@@ -119,20 +117,23 @@ class PartVoxels:
 
     def __post_init__(self) -> None:
         if self.part.shape != self.grid.shape:
-            raise InputError(f"part has shape {self.part.shape}, the grid {self.grid.shape}")
+            raise InputError("grid.part_shape", shape=self.part.shape, shape_2=self.grid.shape)
         if not self.labels:
             object.__setattr__(self, "labels", ((),) * len(self.part_names))
         if not self.shapes:
             object.__setattr__(self, "shapes", tuple(range(len(self.part_names))))
         if len(self.labels) != len(self.part_names):
-            raise InputError(f"got labels for {len(self.labels)} of {len(self.part_names)} parts")
+            raise InputError(
+                "grid.got_labels", count=len(self.labels), count_2=len(self.part_names)
+            )
         if len(self.shapes) != len(self.part_names):
-            raise InputError(f"got shapes for {len(self.shapes)} of {len(self.part_names)} parts")
+            raise InputError(
+                "grid.got_shapes", count=len(self.shapes), count_2=len(self.part_names)
+            )
         low, high = int(self.part.min()), int(self.part.max())
         if low < -1 or not 0 <= high < len(self.part_names):
             raise InputError(
-                f"part indices must lie in -1 .. {len(self.part_names) - 1} with a cell inside, "
-                f"got {low} .. {high}"
+                "grid.part_indices", count=len(self.part_names) - 1, low=low, high=high
             )
 
     @property

@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from ..fem.errors import InputError
+from ..fem.note import Note
 from ..fem.table import MaterialTable
 from .field import Normalisation
 from .text.hearing import KINDS, HeardClause, kind_of
@@ -156,13 +157,13 @@ class KindsByLooks:
         try:
             found = json.loads(path.read_text(encoding="utf-8"))
             if found["features"] != list(FEATURES) or found["kinds"] != list(KINDS):
-                raise ValueError("of other features or kinds")
+                raise ValueError(Note("matter.other_features"))
             parts = (
                 {k: np.array(v) for k, v in found[name].items()} for name in ("finished", "plain")
             )
             return cls(*(Regression(**part) for part in parts))
         except (OSError, KeyError, TypeError, ValueError) as error:
-            raise InputError(f"{path} does not hold kinds by looks: {error}") from error
+            raise InputError("matter.hold_kinds", path=path, error=error) from error
 
     def log_ratio(self, features: Float[np.ndarray, "n features"]) -> Float[np.ndarray, "n kinds"]:
         """As ``Regression.log_ratio``; all of one opacity and finish say nothing by them."""

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..fem.mpm.materials import class_of
+from ..fem.note import Note
 from ..fem.table import FIELDS, Material, MaterialValue
 from .field import MaterialField, Ranges
 from .grid import PartVoxels
@@ -93,8 +94,8 @@ class PartChoice:
         if self.unknown is None:
             return self.doubts
         near = ", ".join(map(repr, self.unknown.nearest)) or "none"
-        unread = f"{self.unknown.unknown!r} is no material that is known (nearest: {near})"
-        taken = f"taken as {self.material}, which is no more than a guess"
+        unread = Note("prediction.material_known", unknown=self.unknown.unknown, near=near)
+        taken = Note("prediction.taken_more", material=self.material)
         return (f"part {self.part!r}: {unread}; {taken}", *self.doubts)
 
     @property
@@ -169,32 +170,38 @@ class Prediction:
             foreign = choice.borrowed and id(choice.clause) in own
             # A network may give a part what is said of another by its name.
             foreign |= choice.binding is not None and choice.binding.clause in own.values()
-            say = f"say it in the text or with --part '{choice.part}=...'"
+            say = Note("prediction.say_text", part=choice.part)
             yield from choice.warnings
             if choice.elsewhere:
                 said = choice.clause.text if choice.clause else ""
                 yield (
-                    f"no part is called as in {said!r}: part {choice.part!r} is taken for it, as "
-                    f"{choice.material}; {say}"
+                    Note(
+                        "prediction.part_called",
+                        said=said,
+                        part=choice.part,
+                        material=choice.material,
+                        say=say,
+                    )
                 )
             elif choice.understood and (
                 choice.guessed or choice.weight < GUESS or unsaid or foreign
             ):
-                taken = "guessed to be" if choice.network else "taken as"
+                taken = Note("prediction.guessed") if choice.network else "taken as"
                 yield (
-                    f"nothing names the material of part {choice.part!r}: {taken} "
-                    f"{choice.material}; {say}"
+                    Note(
+                        "prediction.nothing_names",
+                        part=choice.part,
+                        taken=taken,
+                        material=choice.material,
+                        say=say,
+                    )
                 )
         pieces_of = Counter(self.parents)
         for parent in sorted(i for i, count in pieces_of.items() if count > 1):
             pieces = [self.parts.part_names[i] for i, p in enumerate(self.parents) if p == parent]
-            yield (
-                f"one part of the asset is divided by its shape into "
-                f"{', '.join(map(repr, pieces))}: look whether that is meant ({DIVIDED:.0%} of "
-                "real volumes were divided right); --part NAME=TEXT, by its name, leaves it whole"
-            )
+            yield (Note("prediction.part_asset", map=", ".join(map(repr, pieces)), divided=DIVIDED))
         for clause in self.unbound:
-            yield f"no part was found for {clause!r}: --part NAME={clause!r} tells which one it is"
+            yield Note("prediction.part_found", clause=clause)
 
 
 def unbound_by(choices: Sequence[PartChoice], clauses: Sequence[Clause]) -> tuple[str, ...]:

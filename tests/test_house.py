@@ -13,7 +13,7 @@ ROOT = Path(__file__).resolve().parent.parent
 # from those named before it. What stands in one line together knows nothing of each other.
 FLOORS = {
     "fem": (
-        "errors", "validation", "registry", "device", "table", "material", "mesh",
+        "note", "errors", "validation", "registry", "device", "table", "material", "mesh",
         "scene", "laws", "elements", "linalg", "grain", "solve", "mpm", "reduced", "springs",
         "identify", "scenarios", "safety", "uncertainty",
     ),
@@ -174,6 +174,13 @@ def strings(tree: ast.AST, *, inside: tuple[ast.AST, ...] = ()) -> Iterator[tupl
             yield from strings(node, inside=(*inside, tree))
 
 
+# Names of categories, states and features, and words that the network is told.
+TABLES = (
+    "fem/table.py", "predictors/construction.py", "predictors/matter.py",
+    "predictors/text/hearing.py",
+)  # fmt: skip
+
+
 def is_sentence(text: str) -> bool:
     words = WORD.findall(text)
     joined = JOINS & {word.lower() for word in words}
@@ -189,18 +196,19 @@ def worded(path: Path) -> list[tuple]:
     ]
 
 
-@pytest.mark.xfail(strict=False, reason="642 sentences and flags are still there")
 def test_numbers_below_words_above():
     """Errors carry what, got and wanted, results typed checks: `toolkit/verdict` words them.
 
     No English of three words and more below it, and no flag of the command line: a caller from
-    Python has none.
+    Python has none. Tables at the top of a file are data.
     """
     spoken = [
         f"{path.relative_to(ROOT)}:{line}: {text}"
         for room in BELOW
         for path in sorted((ROOT / room).rglob("*.py"))
-        for text, line, _ in worded(path)
+        for text, line, inside in worded(path)
+        if any(isinstance(node, ast.FunctionDef | ast.ClassDef) for node in inside)
+        or path.relative_to(ROOT).as_posix() not in TABLES
     ]
     assert spoken == []
 

@@ -42,7 +42,7 @@ def write_motion_glb(
     """
     path = Path(path)
     if not len(times) or np.any(np.diff(times) <= 0):
-        raise InputError(f"{path.name}: a motion needs frames at rising times, got {len(times)}")
+        raise InputError("gltf_motion.motion_needs", name=path.name, count=len(times))
     body = _Buffers()
     # Faces over drawn points, and of each of these its point and its part: none is of two
     part = np.repeat(mesh.region[mesh.boundary.tet], 3)

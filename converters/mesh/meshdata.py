@@ -17,6 +17,7 @@ from ...fem.errors import InputError
 from ...fem.grain import grained_parts
 from ...fem.material import GRAIN, material_arrays, material_from
 from ...fem.mesh import TetMesh, signed_volumes
+from ...fem.note import Note
 from .. import files as npz
 from ..files import check_counts, reading
 from ..registry import MATERIAL, MESH_FORMATS, Format, Keeps, format_of, told_lost, written
@@ -113,7 +114,9 @@ def checked(arrays: Arrays | None, count: int, what: str) -> dict[str, np.ndarra
     for name, values in (arrays or {}).items():
         values = np.asarray(values)
         if len(values) != count:
-            raise InputError(f"array {name!r} has {len(values)} rows, wanted one a {what}: {count}")
+            raise InputError(
+                "meshdata.array_rows", name=name, count=len(values), what=what, count_2=count
+            )
         result[name] = values.astype(np.uint8) if values.dtype == bool else values
     return result
 
@@ -133,13 +136,13 @@ def assemble(
     """
     if len(tets) == 0:
         held = ", ".join(f"{n} {kind}" for kind, n in ignored.items()) or "no cells"
-        raise InputError(f"the file holds no tets, got {held}; wanted a volume mesh of tets")
+        raise InputError("meshdata.file_holds", held=held)
     points, tets = np.asarray(points), np.asarray(tets)
     if points.ndim != 2 or points.shape[1] != 3:
-        raise InputError(f"points must have three coordinates, got an array of {points.shape}")
+        raise InputError("meshdata.points_must", shape=points.shape)
     if tets.min() < 0 or tets.max() >= len(points):
         raise InputError(
-            f"tets name points {tets.min()}..{tets.max()}, the file has 0..{len(points) - 1}"
+            "meshdata.tets_name", min=tets.min(), max=tets.max(), count=len(points) - 1
         )
     used = np.zeros(len(points), dtype=bool)
     used[tets] = True
@@ -191,7 +194,7 @@ def _regions(cell_data, names, count) -> tuple[np.ndarray, tuple[str, ...]]:
         return np.zeros(count, dtype=np.int32), ("body",)
     tags = np.ravel(cell_data[key])
     if not np.array_equal(tags, np.rint(tags)):
-        raise InputError(f"cell array {key!r} must hold whole numbers, got {tags[:3]} ...")
+        raise InputError("meshdata.cell_array", key=key, tags=tags[:3])
     tags = tags.astype(np.int64)
     wanted = np.union1d(tags, np.fromiter(names, dtype=np.int64))
     labels = [names.get(int(tag), f"region {tag}") for tag in wanted]
@@ -205,7 +208,7 @@ def read_mesh_archive(path: str | os.PathLike) -> MeshData:
     """Read what ``npz.save`` wrote of a mesh."""
     value = npz.load(path)
     if not isinstance(value, TetMesh):
-        raise InputError(f"{path} holds a material field, wanted a tet mesh")
+        raise InputError("meshdata.holds_material", path=path)
     return MeshData(value)
 
 
@@ -218,7 +221,7 @@ def write_mesh_archive(
 ) -> None:
     """Write the mesh; further arrays are refused, since there is no room for them."""
     if point_data or cell_data:
-        raise InputError(f"{path}: .npz holds the mesh and its material only; use .vtu or .msh")
+        raise InputError("meshdata.npz_holds", path=path)
     npz.save(path, mesh)
 
 
@@ -236,7 +239,7 @@ MESH_ARCHIVE = Format(
 
 def read_medit(path: str | os.PathLike) -> MeshData:
     """Read the tets of a Medit file and their references."""
-    with reading(path, "a Medit .mesh file with tets") as source:
+    with reading(path, Note("meshdata.medit_mesh")) as source:
         check_counts(source)
         import meshio
 
@@ -281,11 +284,11 @@ def read_mesh(path: str | os.PathLike) -> TetMesh:
 def read_data(path: str | os.PathLike) -> MeshData:
     """Read a tet mesh together with every other array on its points and tets."""
     if not Path(path).exists():
-        raise InputError(f"no such file: {path}; wanted a tet mesh, as `convert` makes one")
+        raise InputError("meshdata.such_file", path=path)
     reader = format_of(path, MESH_FORMATS).read
     if reader is None:
         known = ", ".join(suffix for suffix in MESH_FORMATS if MESH_FORMATS[suffix].read)
-        raise InputError(f"{path}: {Path(path).suffix} cannot be read; {known} can")
+        raise InputError("meshdata.cannot_read", path=path, suffix=Path(path).suffix, known=known)
     return reader(path)
 
 
@@ -328,7 +331,7 @@ def write_mesh(
     form = format_of(path, MESH_FORMATS)
     if form.write is None:
         can = ", ".join(written(MESH_FORMATS))
-        raise InputError(f"{path}: {Path(path).suffix} cannot be written; {can} can")
+        raise InputError("meshdata.cannot_written", path=path, suffix=Path(path).suffix, can=can)
     form.write(path, mesh, point_data=point_data, cell_data=cell_data)
     lost = form.loses(items_of(mesh, point_data, cell_data))
     if lost:

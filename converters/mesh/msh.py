@@ -17,15 +17,16 @@ import numpy as np
 from ...fem.errors import InputError
 from ...fem.material import material_arrays
 from ...fem.mesh import TetMesh
+from ...fem.note import Note
 from ..files import check_counts, reading, writing
 from ..registry import Format
 from .meshdata import WHOLE, Arrays, MeshData, assemble, checked, escape, from_meshio
 
 _START = re.compile(r"^\$(\w+)[ \t\r]*\n", re.MULTILINE)
-WANTED = "a Gmsh .msh file (2.2 or 4.1) with tets"
+WANTED = Note("msh.gmsh_msh")
 _TET = "4"
 # Said by our writer, so that a file cut between two sections is not taken for a bare mesh.
-_ANNOUNCED = "sections of data that follow the elements:"
+_ANNOUNCED = Note("msh.sections_data")
 _CELLS = {"1": "lines", "2": "triangles", "3": "quads", "5": "hexahedra", "15": "points"}
 
 
@@ -67,7 +68,7 @@ def read_msh(path: str | os.PathLike) -> MeshData:
         with source.open("rb") as file:
             head = file.read(64)
         if not head.lstrip().startswith((b"$MeshFormat", b"$Comments")):
-            raise InputError(f"{path} does not start with $MeshFormat; wanted {WANTED}")
+            raise InputError("msh.start_meshformat", path=path, wanted=WANTED)
         if re.match(rb"\s*\$MeshFormat\s+2(\.\d+)?\s+0\s", head):
             return _read_ascii2(source.read_text(encoding="utf-8", errors="replace"))
         check_counts(source)
@@ -82,7 +83,7 @@ MSH = Format("Gmsh", (".msh",), read_msh, write_msh, keeps=WHOLE)
 def _data(kind: str, name: str, values: np.ndarray) -> Iterator[str]:
     columns = np.asarray(values, dtype=np.float64).reshape(len(values), -1).T
     if len(columns) not in (1, 3, 9):
-        raise InputError(f"array {name!r} has {len(columns)} components; .msh holds 1, 3 or 9")
+        raise InputError("msh.array_components", name=name, count=len(columns))
     yield f'${kind}\n1\n"{escape(name)}"\n1\n0.0\n3\n0\n{len(columns)}\n{len(values)}\n'
     yield from _rows("%d" + " %r" * len(columns) + "\n", *columns)
     yield f"$End{kind}\n"
@@ -101,10 +102,10 @@ def _read_ascii2(text: str) -> MeshData:
     announced = re.search(rf"^{_ANNOUNCED} (\d+)$", bodies.get("Comments", ""), re.MULTILINE)
     present = sum(kind in ("NodeData", "ElementData") for kind, _ in sections)
     if announced and present < int(announced[1]):
-        raise InputError(f"{present} sections of data where {announced[1]} were announced")
+        raise InputError("msh.sections_data_where", present=present, announced=announced[1])
     for wanted in ("Nodes", "Elements"):
         if wanted not in bodies:
-            raise InputError(f"section ${wanted} is missing; wanted {WANTED}")
+            raise InputError("msh.section_missing", wanted=wanted, wanted_2=WANTED)
     nodes = _table(bodies["Nodes"], 4)
     elements, ignored = _tets(bodies["Elements"])
     node_ids, points = nodes[:, 0].astype(np.int64), nodes[:, 1:]
@@ -135,11 +136,11 @@ def _sections(text: str) -> Iterator[tuple[str, str]]:
     while start := _START.search(text, at):
         end = text.find(f"\n$End{start[1]}", start.end() - 1)
         if end < 0:
-            raise InputError(f"section ${start[1]} has no end; wanted {WANTED}")
+            raise InputError("msh.section_end", start=start[1], wanted=WANTED)
         yield start[1], text[start.end() : end + 1]
         at = end + 1 + len(f"$End{start[1]}")
     if rest := text[at:].strip():
-        raise InputError(f"text after the last section: {rest[:40]!r}; wanted {WANTED}")
+        raise InputError("msh.text_after", rest=rest[:40], wanted=WANTED)
 
 
 def _table(body: str, columns: int) -> np.ndarray:
@@ -147,7 +148,7 @@ def _table(body: str, columns: int) -> np.ndarray:
     count, _, rest = body.lstrip().partition("\n")
     values = np.array(rest.split(), dtype=np.float64)
     if values.size != int(count) * columns:
-        raise InputError(f"{values.size} numbers where {count} rows of {columns} were announced")
+        raise InputError("msh.numbers_where", size=values.size, count=count, columns=columns)
     return values.reshape(-1, columns)
 
 
@@ -156,10 +157,10 @@ def _tets(body: str) -> tuple[np.ndarray, dict[str, int]]:
     count, _, rest = body.lstrip().partition("\n")
     rows = [line.split() for line in rest.splitlines() if line.strip()]
     if len(rows) != int(count):
-        raise InputError(f"{len(rows)} elements where {count} were announced")
+        raise InputError("msh.elements_where", count=len(rows), count_2=count)
     kinds = Counter(row[1] for row in rows)
     tets = [(row[0], row[3] if row[2] != "0" else "0", *row[-4:]) for row in rows if row[1] == _TET]
-    ignored = {_CELLS.get(k, f"cells of type {k}"): n for k, n in kinds.items() if k != _TET}
+    ignored = {_CELLS.get(k, Note("msh.cells_type", k=k)): n for k, n in kinds.items() if k != _TET}
     return np.array(tets, dtype=np.int64).reshape(-1, 6), ignored
 
 
@@ -182,7 +183,7 @@ def _locate(wanted: np.ndarray, ids: np.ndarray, what: str) -> np.ndarray:
     rows = order[place]
     missing = np.flatnonzero(ids[rows] != wanted)
     if missing.size:
-        raise InputError(f"${what} names id {wanted[missing[0]]} ({missing.size} such), not there")
+        raise InputError("msh.names_id", what=what, wanted=wanted[missing[0]], size=missing.size)
     return rows
 
 

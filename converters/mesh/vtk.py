@@ -19,11 +19,12 @@ from jaxtyping import Float, Int
 
 from ...fem.errors import InputError
 from ...fem.mesh import TetMesh
+from ...fem.note import Note
 from ..files import check_counts, reading, writing, writing_folder
 from ..registry import Format
 from .meshdata import WHOLE, Arrays, MeshData, assemble, cell_arrays, checked, escape, from_meshio
 
-WANTED = "a VTK unstructured grid (.vtu or legacy .vtk) with tets"
+WANTED = Note("vtk.vtk_unstructured")
 # Region names travel as field data: UTF-8 bytes, one name a line, a type that every reader takes.
 _NAMES = "region_names"
 _LEGACY_HEAD = 1 << 20  # bytes searched for the names in a legacy file: they follow the title
@@ -47,7 +48,7 @@ def write_vtk(
     cells = cell_arrays(mesh, cell_data)
     points = checked(point_data, len(mesh.points), "point")
     if blank := [name for name in (*cells, *points) if re.search(r"\s", name)]:
-        raise InputError(f"VTK array names must have no blanks, got {blank}")
+        raise InputError("vtk.vtk_array", blank=blank)
     grid = meshio.Mesh(mesh.points, [("tetra", mesh.tets)])
     grid.point_data.update(points)
     grid.cell_data.update({name: [values] for name, values in cells.items()})
@@ -114,7 +115,7 @@ def _names(listed: bytes | None, cell_data: Container[str]) -> dict[int, str]:
     """Names of the regions by tag, of a list of a line each."""
     lines = [] if listed is None else listed.decode("utf-8").split("\n")[:-1]
     if lines and "region" not in cell_data:
-        raise InputError(f"it names {len(lines)} regions but has no cell array 'region'")
+        raise InputError("vtk.names_regions", count=len(lines))
     return {tag: unquote(line) for tag, line in enumerate(lines)}
 
 
@@ -156,12 +157,12 @@ def load_vtu(path: Path, *, max_bytes: int = MAX_UNPACKED) -> VtuGrid:
         content = content[: start.start()] + content[stop + len(b"</AppendedData>") :]
     root = ElementTree.fromstring(content)
     if root.tag != "VTKFile" or root.get("type") != "UnstructuredGrid":
-        raise InputError(f"it is a {root.tag} of {root.get('type')}, no VTKFile UnstructuredGrid")
+        raise InputError("vtk.vtkfile_unstructuredgrid", tag=root.tag, get=root.get("type"))
     arrays = VtuArrays(root, appended, max_bytes, raw=raw)
     grid = root.find("UnstructuredGrid")
     pieces = [] if grid is None else grid.findall("Piece")
     if grid is None or not pieces:
-        raise InputError("no piece of an unstructured grid is in it")
+        raise InputError("vtk.piece_unstructured")
     ignored: dict[str, int] = {}
     read = [_piece(piece, arrays, ignored) for piece in pieces]
     starts = np.cumsum([0, *(len(points) for points, *_ in read[:-1])])
@@ -182,17 +183,17 @@ def _piece(piece: ElementTree.Element, arrays: VtuArrays, ignored: dict[str, int
     found = arrays.under(piece.find("Cells"))
     corners, ends, kinds = (np.ravel(found[n]) for n in ("connectivity", "offsets", "types"))
     if not len(ends) == len(kinds) == cells:
-        raise InputError(f"{cells} cells announced, {len(ends)} offsets and {len(kinds)} types")
+        raise InputError("vtk.cells_announced", cells=cells, count=len(ends), count_2=len(kinds))
     is_tet = kinds == _TET
     for kind, number in zip(*np.unique(kinds[~is_tet], return_counts=True), strict=True):
-        name = _CELLS.get(int(kind), f"cells of type {kind}")
+        name = _CELLS.get(int(kind), Note("vtk.cells_type", value=kind))
         ignored[name] = ignored.get(name, 0) + int(number)
     first = ends[is_tet].astype(np.int64) - 4
     if (np.diff(ends.astype(np.int64), prepend=0)[is_tet] != 4).any() or (first < 0).any():
-        raise InputError("a tet has other than four corners")
+        raise InputError("vtk.tet_other")
     tets = corners[first[:, None] + np.arange(4)].astype(np.int64)
     if tets.size and not 0 <= tets.min() <= tets.max() < count:
-        raise InputError(f"tets name points {tets.min()}..{tets.max()} of {count}")
+        raise InputError("vtk.tets_name", min=tets.min(), max=tets.max(), count=count)
     on_points = arrays.under(piece.find("PointData"), count)
     on_cells = arrays.under(piece.find("CellData"), cells)
     return points, tets, on_points, {name: values[is_tet] for name, values in on_cells.items()}
@@ -227,7 +228,7 @@ class VtuArrays:
             values = self._read(element)
             found[name] = values.reshape(-1, width) if width > 1 else values
             if rows is not None and len(found[name]) != rows:
-                raise InputError(f"array {name!r} has {len(found[name])} rows, wanted {rows}")
+                raise InputError("vtk.array_rows", name=name, count=len(found[name]), rows=rows)
         return found
 
     def _read(self, element: ElementTree.Element) -> np.ndarray:
@@ -240,13 +241,13 @@ class VtuArrays:
         elif form == "binary":
             source = _Bytes(memoryview("".join(text.split()).encode()), raw=False)
         else:
-            raise InputError(f"arrays in the format {form!r} are not known")
+            raise InputError("vtk.arrays_format", form=form)
         if self._compressor is None:
             width = self._header.itemsize
             (size,) = np.frombuffer(source.head(width), self._header)
             data = source.after(width, int(size))
             if len(data) != size:
-                raise InputError(f"an array announces {size} bytes and holds {len(data)}")
+                raise InputError("vtk.array_announces", size=size, count=len(data))
         else:
             data = self._unpacked(source)
         return np.frombuffer(data, dtype.newbyteorder(self._order)).astype(dtype, copy=False)
@@ -259,21 +260,18 @@ class VtuArrays:
         ends = np.cumsum(sizes)
         packed = source.after(length, int(ends[-1])) if count else b""
         if len(sizes) != count or (count and ends[-1] > len(packed)):
-            raise InputError(f"a compressed array announces {count} blocks and holds fewer")
+            raise InputError("vtk.compressed_array", count=count)
         if self._compressor not in ("vtkZLibDataCompressor", "vtkLZMADataCompressor"):
-            raise InputError(f"arrays packed by {self._compressor} are not read; zlib and LZMA are")
+            raise InputError("vtk.arrays_packed", compressor=self._compressor)
         data = bytearray()
         for end, size in zip(ends, sizes, strict=True):
             is_lzma = self._compressor == "vtkLZMADataCompressor"
             tool = lzma.LZMADecompressor() if is_lzma else zlib.decompressobj()
             block = tool.decompress(packed[end - size : end], self._left + 1)
             if len(block) > self._left:
-                raise InputError(
-                    f"its compressed arrays unpack to more than {self._allowed:,} bytes; "
-                    "write the mesh uncompressed if it is that large"
-                )
+                raise InputError("vtk.compressed_arrays", allowed=self._allowed)
             if not tool.eof:
-                raise InputError("a compressed block is cut short")
+                raise InputError("vtk.compressed_block")
             self._left -= len(block)
             data += block
         return data
@@ -310,13 +308,13 @@ def _dtype(name: str) -> np.dtype:
     """Type of an array: Float64, Int32, UInt8 ..."""
     found = re.fullmatch(r"(Float|Int|UInt)(8|16|32|64)", name)
     if found is None:
-        raise InputError(f"arrays of type {name!r} are not known")
+        raise InputError("vtk.arrays_type", name=name)
     return np.dtype(f"{_KINDS[found[1]]}{int(found[2]) // 8}")
 
 
 # ParaView time series: a .pvd index beside one .vtu a frame.
 
-PVD_WANTED = "a ParaView .pvd series"
+PVD_WANTED = Note("vtk.paraview_pvd")
 TimedFields = tuple[float, Mapping[str, np.ndarray]]
 
 
@@ -340,7 +338,7 @@ def write_pvd(
             write_vtk(folder / names[-1], mesh, point_data=point_data, cell_data=cell_data)
             entries.append(f'<DataSet timestep="{float(time)!r}" file={quoteattr(names[-1])}/>')
         if not entries:
-            raise InputError(f"{path.name}: a series needs at least one frame, got none")
+            raise InputError("vtk.series_needs", name=path.name)
         lines = [
             '<?xml version="1.0" encoding="utf-8"?>',
             '<VTKFile type="Collection" version="0.1" byte_order="LittleEndian"><Collection>',
@@ -360,6 +358,6 @@ def read_pvd(path: str | os.PathLike) -> Iterator[tuple[float, MeshData]]:
         for entry in ElementTree.parse(source).iter("DataSet"):
             file = (folder / entry.attrib["file"]).resolve()
             if not file.is_relative_to(folder):
-                raise InputError(f"{path} refers to {file}, outside its folder")
+                raise InputError("vtk.refers_outside", path=path, file=file)
             frames.append((float(entry.attrib["timestep"]), file))
     return ((time, read_vtk(file)) for time, file in frames)

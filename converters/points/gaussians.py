@@ -14,6 +14,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ...fem.errors import InputError
+from ...fem.note import Note
 from ..files import reading
 from ..registry import Format
 from .table import PointTable
@@ -44,9 +45,7 @@ class Gaussians(NamedTuple):
 def gaussians(table: PointTable) -> Gaussians:
     """Gaussians of a table of splats."""
     if not table.is_splat:
-        raise InputError(
-            f"no splats: columns opacity, scale_*, rot_* wanted, {list(table.columns)}"
-        )
+        raise InputError("gaussians.splats_columns", columns=list(table.columns))
 
     def columns(name: str, count: int) -> np.ndarray:
         return np.stack([np.float64(table.columns[f"{name}_{i}"]) for i in range(count)], axis=1)
@@ -323,9 +322,9 @@ def _sampled(degree: int) -> tuple[np.ndarray, np.ndarray]:
 
 def read_splat(path: str | os.PathLike) -> PointTable:
     """Read .splat: rows of 32 bytes, position, scale, RGBA and rotation as bytes."""
-    with reading(path, "a .splat file of 32-byte rows") as source:
+    with reading(path, Note("gaussians.splat_file")) as source:
         if source.stat().st_size % 32:
-            raise InputError(f"{path} has {source.stat().st_size} bytes, wanted a multiple of 32")
+            raise InputError("gaussians.bytes_wanted", path=path, st_size=source.stat().st_size)
         dtype = [("p", "<f4", 3), ("s", "<f4", 3), ("rgba", "u1", 4), ("q", "u1", 4)]
         rows = np.fromfile(source, dtype=dtype)
         rotations = normalised((rows["q"] - 128.0) / 128)

@@ -7,11 +7,12 @@ import os
 import numpy as np
 
 from ...fem.errors import InputError
+from ...fem.note import Note
 from ..files import check_las, reading, writing
 from ..registry import Format, Keeps
 from .table import XYZ, Others, PointTable
 
-WANTED = "a LAS or LAZ point cloud"
+WANTED = Note("las.las_laz")
 _TITLE = "LAS or LAZ cloud"
 
 
@@ -35,7 +36,7 @@ def write_las(path: str | os.PathLike, table: PointTable) -> None:
     laspy = _laspy()
     read = None if table.others is None else table.others.value
     if not isinstance(read, laspy.LasData):
-        raise InputError(f"{path}: only a cloud read from LAS or LAZ can be written as one")
+        raise InputError("las.only_cloud", path=path)
     cloud = laspy.LasData(read.header, read.points.copy())
     known = {*cloud.point_format.dimension_names, *XYZ}
     new = [name for name in table.columns if name not in known]
@@ -60,5 +61,5 @@ def _laspy():
     try:
         import laspy
     except ImportError as error:
-        raise InputError("LAS needs laspy: pip install 'autophyx-tet[las]'") from error
+        raise InputError("las.las_needs") from error
     return laspy

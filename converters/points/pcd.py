@@ -8,11 +8,12 @@ import struct
 import numpy as np
 
 from ...fem.errors import InputError
+from ...fem.note import Note
 from ..files import reading, writing
 from ..registry import Format, Keeps
 from .table import Others, PointTable
 
-WANTED = "a PCD point cloud"
+WANTED = Note("pcd.pcd_point")
 _KINDS = {"F": "f", "I": "i", "U": "u"}
 _MAX_FIELDS = 10_000
 _TITLE = "PCL cloud"
@@ -34,7 +35,7 @@ def read_pcd(path: str | os.PathLike) -> PointTable:
         dtype, n = np.dtype(fields), int(header["POINTS"][0])
         body, encoding = content[start:], header["DATA"][0]
         # What of the header says more than the points do
-        more = [] if header.get("HEIGHT", ["1"]) == ["1"] else ["rows of a camera"]
+        more = [] if header.get("HEIGHT", ["1"]) == ["1"] else [Note("pcd.rows_camera")]
         more += [] if header.get("VIEWPOINT", _VIEWPOINT) == _VIEWPOINT else ["viewpoint"]
         remarks, others = tuple(header["#"]), Others(_TITLE, tuple(more), header)
         if encoding == "binary_compressed":
@@ -51,9 +52,7 @@ def read_pcd(path: str | os.PathLike) -> PointTable:
         elif 0 <= n * dtype.itemsize <= len(body):
             rows = np.frombuffer(body, dtype=dtype, count=n).copy()
         else:
-            raise InputError(
-                f"{n} points of {dtype.itemsize} bytes announced, {len(body)} bytes left"
-            )
+            raise InputError("pcd.points_bytes", n=n, itemsize=dtype.itemsize, count=len(body))
         return PointTable({name: rows[name] for name in dtype.names or ()}, remarks, others)
 
 
@@ -63,7 +62,7 @@ def write_pcd(path: str | os.PathLike, table: PointTable) -> None:
     for name, values in table.columns.items():
         values = np.asarray(values)
         if values.dtype.kind not in "fiu" or values.ndim > 2 or len(name.split()) != 1:
-            raise InputError(f"column {name!r} of {values.dtype} {values.shape} has no PCD field")
+            raise InputError("pcd.column_pcd", name=name, dtype=values.dtype, shape=values.shape)
         columns[name] = values
         dtype.append((name, values.dtype.newbyteorder("<"), values.shape[1:]))
     rows = np.empty(len(table), dtype=dtype)
@@ -114,14 +113,14 @@ def _header(content: bytes) -> tuple[dict[str, list[str]], int]:
                 break
     missing = {"FIELDS", "SIZE", "TYPE", "POINTS", "DATA"} - header.keys()
     if missing or len(header["FIELDS"]) > _MAX_FIELDS:
-        raise InputError(f"the PCD header lacks {sorted(missing)}")
+        raise InputError("pcd.pcd_header", missing=sorted(missing))
     return header, start
 
 
 def _ascii(body: bytes, dtype: np.dtype, n: int) -> np.ndarray:
     rows = [line.split() for line in body.splitlines() if line.strip()]
     if len(rows) != n:
-        raise InputError(f"{n} points announced, the file has {len(rows)} rows")
+        raise InputError("pcd.points_announced", n=n, count=len(rows))
     table = np.empty(n, dtype=dtype)
     at = 0
     for name in dtype.names or ():
@@ -136,7 +135,7 @@ def _unpack(body: bytes) -> bytes:
     """Undo LZF: a control byte below 32 announces literals, another one a copy from behind."""
     packed, size = struct.unpack_from("<II", body)
     if packed > len(body) - 8 or size > 300 * max(packed, 1):  # a copy of 264 takes three bytes
-        raise InputError(f"{packed} packed and {size} plain bytes announced, {len(body)} there")
+        raise InputError("pcd.packed_plain", packed=packed, size=size, count=len(body))
     source, out, at = body[8 : 8 + packed], bytearray(), 0
     while at < packed:
         control = source[at]
@@ -153,9 +152,9 @@ def _unpack(body: bytes) -> bytes:
         at += 1
         first = len(out) - behind
         if first < 0:
-            raise InputError("the packed data refers to before its start")
+            raise InputError("pcd.packed_data_refers")
         for i in range(length + 2):
             out.append(out[first + i])
     if len(out) != size:
-        raise InputError(f"the packed data unpacks to {len(out)} bytes, announced were {size}")
+        raise InputError("pcd.packed_data", count=len(out), size=size)
     return bytes(out)

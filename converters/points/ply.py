@@ -13,12 +13,13 @@ from typing import BinaryIO, Literal
 import numpy as np
 
 from ...fem.errors import InputError
+from ...fem.note import Note
 from ..files import reading, writing
 from ..registry import Format, Keeps
 from .gaussians import SH_C0, standard_columns
 from .table import Others, PointTable
 
-WANTED = "a PLY file with a vertex element of scalar properties"
+WANTED = Note("ply.ply_file")
 _TYPES = {
     "char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4",
     "float": "f4", "double": "f8",
@@ -71,14 +72,11 @@ def read_ply(path: str | os.PathLike) -> Ply:
                 elements[name] = _ascii_rows(file, count, dtype)
                 continue
             if not 0 <= count * dtype.itemsize <= left:
-                raise InputError(
-                    f"{count} rows of {dtype.itemsize} bytes were announced, the file has {left} "
-                    "bytes more"
-                )
+                raise InputError("ply.rows_bytes", count=count, itemsize=dtype.itemsize, left=left)
             rows = np.fromfile(file, dtype.newbyteorder(_ORDERS[encoding]), count)
             elements[name] = rows.astype(rows.dtype.newbyteorder("="), copy=False)
         if "vertex" not in elements:
-            raise InputError(f"{path} has no vertex element of scalars; wanted {WANTED}")
+            raise InputError("ply.vertex_element", path=path, wanted=WANTED)
         return Ply(elements, comments, encoding, (rest, file.read()))
 
 
@@ -113,7 +111,7 @@ def columns_table(columns: dict[str, np.ndarray]) -> np.ndarray:
 
 def read_ply_points(path: str | os.PathLike) -> PointTable:
     """Read the vertices as points; splats packed in chunks become the columns of the common PLY."""
-    with reading(path, "a PLY point cloud or 3D Gaussian splat"):
+    with reading(path, Note("ply.ply_point")):
         ply = read_ply(path)
         packed = "packed_position" in (ply.vertex.dtype.names or ())
         if packed and "chunk" in ply.elements:  # splats in chunks of 256
@@ -134,7 +132,7 @@ def write_ply_points(path: str | os.PathLike, table: PointTable) -> None:
         write_ply(path, Ply(vertex, table.comments))
 
 
-_TITLE = "PLY cloud or splats"
+_TITLE = Note("ply.ply_cloud")
 PLY = Format(
     _TITLE,
     (".ply",),
@@ -150,12 +148,12 @@ def _header(file: BinaryIO) -> list[str]:
         line = file.readline(4096)
         lines.append(line.decode("utf-8", errors="replace").strip("\r\n"))
         if lines[0].strip() != "ply":
-            raise InputError(f"first line is {lines[0][:20]!r}, wanted 'ply'")
+            raise InputError("ply.first_line", lines=lines[0][:20])
         if lines[-1].strip() == "end_header":
             return lines[1:-1]
         if not line:
             break
-    raise InputError("the header has no end_header line")
+    raise InputError("ply.header_end")
 
 
 def _parse(header: list[str]):
@@ -177,19 +175,19 @@ def _parse(header: list[str]):
         elif words[0] == "property" and len(words) == 3 and words[1] in _TYPES and declared:
             declared[-1][2].append((words[2], _TYPES[words[1]]))
         else:
-            raise InputError(f"header line {line[:60]!r} is not PLY")
+            raise InputError("ply.header_line", line=line[:60])
     if not encoding:
-        raise InputError("the header names no known format")
+        raise InputError("ply.header_names")
     elements = [(name, count, np.dtype(fields)) for name, count, fields in declared]
     return encoding, tuple(comments), elements, tuple(header[first_list:])
 
 
 def _ascii_rows(file: BinaryIO, count: int, dtype: np.dtype) -> np.ndarray:
     if count > os.fstat(file.fileno()).st_size:
-        raise InputError(f"{count} rows were announced in a file of fewer bytes")
+        raise InputError("ply.rows_announced", count=count)
     rows = [tuple(file.readline().split()) for _ in range(count)]
     if rows and {len(row) for row in rows} != {len(dtype.names or ())}:
-        raise InputError(f"a row has not the {len(dtype.names or ())} values that were announced")
+        raise InputError("ply.row_values", count=len(dtype.names or ()))
     table = np.empty(count, dtype=dtype)
     for name, values in zip(dtype.names or (), zip(*rows, strict=True), strict=False):
         table[name] = np.array(values, dtype="S").astype(dtype[name])
@@ -206,7 +204,7 @@ def unpack(elements: Elements) -> dict[str, np.ndarray]:
     """Columns of a chunk-packed PLY: 11-10-11 bit positions and scales between chunk bounds."""
     chunk, vertex = elements["chunk"], elements["vertex"]
     if len(chunk) * _CHUNK < len(vertex):
-        raise InputError(f"{len(vertex)} packed splats need more than {len(chunk)} chunks of 256")
+        raise InputError("ply.packed_splats", count=len(vertex), count_2=len(chunk))
     of = np.arange(len(vertex)) // _CHUNK
 
     def between(names: str, share: np.ndarray) -> np.ndarray:

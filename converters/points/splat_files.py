@@ -10,12 +10,13 @@ from typing import NamedTuple
 import numpy as np
 
 from ...fem.errors import InputError
+from ...fem.note import Note
 from ..files import reading
 from ..registry import Format, Keeps
 from .gaussians import BANDS, SH_C0, standard_columns
 from .table import PointTable
 
-WANTED = "a .ksplat file of version 0.1"
+WANTED = Note("splat_files.ksplat_file")
 _FILE_HEADER, _SECTION_HEADER = 4096, 1024
 _HARMONICS = (0, 9, 24, 45)
 _SH_RANGE = 1.5  # of 8-bit harmonics where the header says nothing
@@ -52,7 +53,7 @@ class _Section(NamedTuple):
         full, partial = struct.unpack_from("<II", content, at + 32)
         (degree,) = struct.unpack_from("<H", content, at + 40)
         if degree >= len(_HARMONICS):
-            raise InputError(f"section of harmonic degree {degree}; wanted at most 3")
+            raise InputError("splat_files.section_harmonic", degree=degree)
         position, other, harmonic = _LEVELS[level]
         dtype = np.dtype(
             [("p", position, 3), ("s", other, 3), ("q", other, 4), ("rgba", "u1", 4),
@@ -69,13 +70,19 @@ def read_ksplat(path: str | os.PathLike) -> PointTable:
     with reading(path, WANTED) as source:
         content = source.read_bytes()
         if len(content) < _FILE_HEADER or content[0] != 0 or content[1] < 1:
-            raise InputError(f"{path} is no .ksplat of version 0.1; wanted {WANTED}")
+            raise InputError("splat_files.ksplat_version", path=path, wanted=WANTED)
         (sections,) = struct.unpack_from("<I", content, 4)
         (level,) = struct.unpack_from("<H", content, 20)
         low, high = struct.unpack_from("<ff", content, 36)
         span = (low or -_SH_RANGE, high or _SH_RANGE)
         if level >= len(_LEVELS) or sections > len(content) // _SECTION_HEADER:
-            raise InputError(f"{path}: level {level}, {sections} sections; wanted {WANTED}")
+            raise InputError(
+                "splat_files.level_sections",
+                path=path,
+                level=level,
+                sections=sections,
+                wanted=WANTED,
+            )
         parts, start = [], _FILE_HEADER + sections * _SECTION_HEADER
         for i in range(sections):
             section = _Section.read(content, _FILE_HEADER + i * _SECTION_HEADER, start, level)
@@ -83,7 +90,7 @@ def read_ksplat(path: str | os.PathLike) -> PointTable:
                 parts.append(_splats(content, section, level, span))
             start = section.rows_at + section.rows * section.dtype.itemsize
         if not parts:
-            raise InputError(f"{path} holds no splats; wanted {WANTED}")
+            raise InputError("splat_files.holds_splats", path=path, wanted=WANTED)
         return PointTable(
             {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
         )
@@ -94,7 +101,7 @@ KSPLAT = Format("bucketed splats", (".ksplat",), read_ksplat, keeps=frozenset({K
 
 def _splats(content: bytes, section: _Section, level: int, span) -> dict[str, np.ndarray]:
     if section.rows_at + section.splats * section.dtype.itemsize > len(content):
-        raise InputError(f"section of {section.splats} splats ends after the file does")
+        raise InputError("splat_files.section_splats", splats=section.splats)
     rows = np.frombuffer(content, section.dtype, section.splats, section.rows_at)
     means = rows["p"].astype(np.float64)
     if level:
@@ -106,7 +113,9 @@ def _splats(content: bytes, section: _Section, level: int, span) -> dict[str, np
         ends = np.cumsum(filled.astype(np.int64))
         bucket = np.searchsorted(ends, np.arange(section.splats), side="right")
         if bucket.max() >= len(centres):
-            raise InputError(f"{section.splats} splats do not fit {section.buckets} buckets")
+            raise InputError(
+                "splat_files.splats_fit", splats=section.splats, buckets=section.buckets
+            )
         means = (means - section.quanta) * section.size / 2 / section.quanta + centres[bucket]
     with np.errstate(divide="ignore"):  # a flat splat has scale 0: its log is -inf
         log_scales = np.log(rows["s"].astype(np.float64))
@@ -128,7 +137,7 @@ def _splats(content: bytes, section: _Section, level: int, span) -> dict[str, np
 #
 # The file's axes are kept: the format's own are right-up-back, but not every writer turns to them.
 
-SPZ_WANTED = "an .spz splat file of version 1 to 4"
+SPZ_WANTED = Note("splat_files.spz_splat")
 _MAGIC, _HEADER = b"NGSP", 16
 _COEFFICIENTS = (0, 3, 8, 15, 24)
 _COLOUR = 0.15  # the format's own range of the constant harmonic, wider than SH_C0
@@ -143,14 +152,18 @@ def read_spz(path: str | os.PathLike) -> PointTable:
             stream = zlib.decompressobj(16 + zlib.MAX_WBITS)
             content = stream.decompress(content, _MAX_BYTES)
             if not stream.eof:
-                raise InputError(
-                    f"the gzip stream is cut short or unpacks to more than {_MAX_BYTES} bytes"
-                )
+                raise InputError("splat_files.gzip_stream", max_bytes=_MAX_BYTES)
         if len(content) < _HEADER or content[:4] != _MAGIC:
-            raise InputError(f"{path} holds no NGSP header; wanted {SPZ_WANTED}")
+            raise InputError("splat_files.holds_ngsp", path=path, spz_wanted=SPZ_WANTED)
         version, n, degree, bits = struct.unpack_from("<IIBB", content, 4)
         if version not in (1, 2, 3, 4) or degree >= len(_COEFFICIENTS):
-            raise InputError(f"{path} is version {version}, degree {degree}; wanted {SPZ_WANTED}")
+            raise InputError(
+                "splat_files.version_degree",
+                path=path,
+                version=version,
+                degree=degree,
+                spz_wanted=SPZ_WANTED,
+            )
         k = _COEFFICIENTS[degree]
         widths = [6 if version == 1 else 9, 1, 3, 3, 4 if version > 2 else 3, 3 * k]
         streams = _compressed if version == 4 else _uncompressed
@@ -185,7 +198,7 @@ def _uncompressed(content: bytes, n: int, widths: list[int]) -> list[bytes]:
     ends = _HEADER + n * np.cumsum(widths)
     if len(content) < ends[-1]:
         raise InputError(
-            f"{n} splats of {sum(widths)} bytes announced, {len(content) - _HEADER} there"
+            "splat_files.splats_bytes", n=n, count=sum(widths), count_2=len(content) - _HEADER
         )
     starts = [_HEADER, *ends[:-1]]
     return [content[start:end] for start, end in zip(starts, ends, strict=True)]
@@ -196,15 +209,17 @@ def _compressed(content: bytes, n: int, widths: list[int]) -> list[bytes]:
     try:
         import zstandard
     except ImportError as error:
-        raise InputError(".spz 4 needs zstandard: pip install 'autophyx-tet[splats]'") from error
+        raise InputError("splat_files.spz_needs") from error
     count, (toc,) = content[15], struct.unpack_from("<I", content, 16)
     if count != sum(width > 0 for width in widths):
-        raise InputError(f"{count} streams announced, {sum(w > 0 for w in widths)} wanted")
+        raise InputError(
+            "splat_files.streams_announced", count=count, count_2=sum(w > 0 for w in widths)
+        )
     sizes = [struct.unpack_from("<QQ", content, toc + 16 * i) for i in range(count)]
     planes, at = [], toc + 16 * count
     for (packed, size), width in zip(sizes, widths, strict=False):
         if size != n * width or at + packed > len(content):
-            raise InputError(f"a stream of {size} bytes announced, {n * width} wanted")
+            raise InputError("splat_files.stream_bytes", size=size, n=n * width)
         raw = content[at : at + packed]
         planes.append(zstandard.ZstdDecompressor().decompress(raw, max_output_size=size))
         at += packed

@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ...fem.errors import InputError
+from ...fem.note import Note
 from .. import files as npz
 from ..files import reading
 from ..registry import POINT_FORMATS, Format, Keeps, format_of, told_lost, written
@@ -66,10 +67,10 @@ class PointTable:
     def __post_init__(self) -> None:
         missing = [name for name in XYZ if name not in self.columns]
         if missing:
-            raise InputError(f"points need columns x, y, z, got {list(self.columns)}")
+            raise InputError("table.points_need", columns=list(self.columns))
         lengths = {name: len(values) for name, values in self.columns.items()}
         if len(set(lengths.values())) != 1 or not len(self):
-            raise InputError(f"columns must be of one length > 0, got {lengths}")
+            raise InputError("table.columns_must", lengths=lengths)
 
     def __len__(self) -> int:
         return len(self.columns["x"])
@@ -106,7 +107,7 @@ class PointTable:
 
 def read_column_archive(path: str | os.PathLike) -> PointTable:
     """Read every array as a column, and ``comments`` as the remarks."""
-    with reading(path, "an .npz of point columns x, y, z (or points) and more"):
+    with reading(path, Note("table.npz_point")):
         arrays = npz.load_npz(path)
         comments = tuple(str(arrays.pop("comments")).splitlines()) if "comments" in arrays else ()
         if "points" in arrays:  # a table (n, 3) instead of three columns
@@ -134,10 +135,10 @@ COLUMN_ARCHIVE = Format(
 
 def read_xyz(path: str | os.PathLike) -> PointTable:
     """Read rows of numbers; the fourth and later ones become column_3, column_4 ..."""
-    with reading(path, "a text file of rows x y z, further columns allowed") as source:
+    with reading(path, Note("table.text_file")) as source:
         rows = np.loadtxt(source, ndmin=2)
         if rows.shape[1] < 3:
-            raise InputError(f"rows have {rows.shape[1]} numbers, wanted at least x y z")
+            raise InputError("table.rows_numbers", shape=rows.shape[1])
         names = [*XYZ, *(f"column_{i}" for i in range(3, rows.shape[1]))]
         return PointTable(dict(zip(names, rows.T, strict=True)))
 
@@ -178,7 +179,7 @@ def read_points(path: str | os.PathLike) -> PointTable:
     """
     reader = format_of(path, POINT_FORMATS).read
     if reader is None:
-        raise InputError(f"{path}: its format is written only")
+        raise InputError("table.format_written", path=path)
     return reader(path)
 
 
@@ -214,7 +215,7 @@ def write_points(path: str | os.PathLike, table: PointTable) -> None:
     chosen = format_of(path, POINT_FORMATS)
     if chosen.write is None:
         room = ", ".join(written(POINT_FORMATS))
-        raise InputError(f"{path}: {chosen.title} has no room for further columns; {room} have")
+        raise InputError("table.room_further", path=path, title=chosen.title, room=room)
     chosen.write(path, table)
     if lost := point_losses(path, table):
         log.warning(told_lost(path, chosen, lost))

@@ -237,7 +237,7 @@ def splat_surface(table: PointTable, *, cells: int | None = None) -> trimesh.Tri
     splats = gaussians(table)
     keep = (splats.opacity > _FAINT) & np.isfinite(splats.means).all(axis=1)
     if not keep.any():
-        raise NoVolumeError(f"none of {len(table)} splats has an opacity above {_FAINT}")
+        raise NoVolumeError("views.none_splats", count=len(table), faint=_FAINT)
     splats = Gaussians(*(values[keep] for values in splats))
     tree = KDTree(splats.means)
     bounds = np.stack([splats.means.min(axis=0), splats.means.max(axis=0)])

@@ -14,6 +14,7 @@ import numpy as np
 from ...fem.elements.assembly import node_supports
 from ...fem.elements.space import Space, affordable_order, make_space
 from ...fem.mesh import TetMesh
+from ...fem.note import Note
 from ...fem.scene.supports import Supports, find_supports
 from ...fem.scene.up import UpAxis, up_vector
 from ..files import writing
@@ -45,7 +46,7 @@ def _write(path: Path, mesh: TetMesh, bins: Bins, options: SceneOptions) -> list
 CALCULIX = Program(
     (
         Format(
-            "CalculiX and Abaqus deck",
+            Note("calculix.calculix_abaqus"),
             (".inp",),
             write=_write,
             keeps=frozenset(

@@ -66,11 +66,13 @@ def export_mesh(
     program, out = PROGRAMS[target], Path(out)
     suffix = out.suffix.lower() or program.suffixes[0]
     if suffix not in program.suffixes:
-        raise UsageError(f"{out}: {target} is written as {' or '.join(program.suffixes)}")
+        raise UsageError(
+            "export.written", out=out, target=target, suffixes=" or ".join(program.suffixes)
+        )
     path = out if out.suffix else out.with_name(out.name + suffix)
     form, options = program.format(suffix), SceneOptions(names, up, gravity, supports, order)
     if form.write is None:
-        raise UsageError(f"{out}: {form.title} is not written")
+        raise UsageError("export.written_2", out=out, title=form.title)
     material_of(mesh)
     lost = form.loses(options.items(mesh))
     notes = tuple(program.notes(mesh, options)) if program.notes else ()

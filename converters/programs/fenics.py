@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from ...fem.mesh import TetMesh
+from ...fem.note import Note
 from ...fem.table import OrthotropicConstants
 from ..files import writing
 from ..mesh.msh import write_msh
@@ -96,9 +97,5 @@ def _write(path: Path, mesh: TetMesh, bins: Bins, options: SceneOptions) -> list
 
 
 FENICS = Program(
-    (
-        Format(
-            "Gmsh 2.2, table and loader", (".msh",), write=_write, binned=MATERIAL | {Keeps.GRAIN}
-        ),
-    )
+    (Format(Note("fenics.gmsh_table"), (".msh",), write=_write, binned=MATERIAL | {Keeps.GRAIN}),)
 )

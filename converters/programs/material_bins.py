@@ -79,7 +79,7 @@ def bin_materials(mesh: TetMesh, *, bins: int = 64, grain: bool = False) -> Bins
     Raises UsageError: Where the grain runs in more ways than there are bins.
     """
     if bins < 1:
-        raise InputError(f"bins must be at least 1, got {bins}")
+        raise InputError("material_bins.bins_must", bins=bins)
     material = material_of(mesh)
     exact = np.stack([material.E, material.nu, material.rho], axis=1)
     plain = np.stack([np.log10(material.E), material.nu, np.log10(material.rho)], axis=1)
@@ -92,7 +92,7 @@ def bin_materials(mesh: TetMesh, *, bins: int = 64, grain: bool = False) -> Bins
         both = np.round(np.column_stack([material.axes.reshape(-1, 9), constants]), _DIGITS)
         way = np.unique(both, axis=0, return_inverse=True)[1].ravel()
     if (ways := way.max() + 1) > bins:
-        raise UsageError(f"--bins {bins}: the grain runs in {ways} ways, each needs a bin")
+        raise UsageError("material_bins.bins_grain", bins=bins, ways=ways)
     keyed = np.column_stack([way, rounded])
     rows, first, label = np.unique(keyed, axis=0, return_index=True, return_inverse=True)
     if len(rows) <= bins:
@@ -180,7 +180,7 @@ def named_arrays(mesh: TetMesh, names: str) -> dict[str, np.ndarray]:
         lam, mu = material.lame
         return {"k_mu": mu, "k_lambda": lam, "rho": material.rho}
     if names not in NAMES:
-        raise InputError(f"unknown names {names!r}; known are {[*NAMES, 'newton']}")
+        raise InputError("material_bins.unknown_names", names=names, value=[*NAMES, "newton"])
     return dict(zip(NAMES[names], (material.E, material.nu, material.rho), strict=True))
 
 

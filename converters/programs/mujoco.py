@@ -20,6 +20,7 @@ import numpy as np
 
 from ...fem.material import wave_speed
 from ...fem.mesh import TetMesh, largest_explicit_step, material_of
+from ...fem.note import Note
 from ...fem.scene.up import up_vector
 from ..files import writing
 from ..registry import Format, Keeps, Program
@@ -80,27 +81,31 @@ def _notes(mesh: TetMesh, options: SceneOptions) -> Iterator[str]:
     E, step = material_of(mesh).E.max(), motion.step
     if motion.rigid:
         why = (
-            f"with E = {E:.3g} Pa MuJoCo's flex would spin wrong at a step of {1e3 * step:g} ms: "
-            f"{(motion.step / _CROSSED / motion.sound) ** 2:.2g} times softer it would stay soft"
+            Note(
+                "mujoco.pa_mujocos",
+                e=E,
+                step=1e3 * step,
+                step_2=(motion.step / _CROSSED / motion.sound) ** 2,
+            )
             if motion.stiff
-            else f"its thinnest tets keep MuJoCo's solver from converging at a step of "
-            f"{1e3 * step:g} ms: a mesh of better tets would stay soft"
+            else Note("mujoco.thinnest_tets", step=1e3 * step)
         )
-        yield (
-            "written for MuJoCo as one rigid body with its mass and inertia, without E and nu: it "
-            f"falls and rests right (step {1e3 * _LONGEST:g} ms), but does not bend; {why}"
-        )
+        yield (Note("mujoco.written_mujoco_rigid", longest=1e3 * _LONGEST, why=why))
         return
     loss = _SPIN * step * (2 + 3 * (step / motion.sound) ** 2)
     yield (
-        f"written for MuJoCo 4's implicit integrator `discrete` with a step of {1e3 * step:g} ms "
-        f"and up to {motion.iterations:,} iterations, keep both: it falls within "
-        f"{step / 2e-3:.1g} % in .2 s and rests at its weight; a spin of {_SPIN:g} rad/s loses "
-        f"about {100 * loss:.1g} % a radian, and vibrations above {0.1 / (2 * np.pi * step):.0f} "
-        "Hz are damped by over 5 % of critical"
+        Note(
+            "mujoco.written_mujoco",
+            step=1e3 * step,
+            iterations=motion.iterations,
+            step_2=step / 2e-3,
+            spin=_SPIN,
+            loss=100 * loss,
+            pi=0.1 / (2 * np.pi * step),
+        )
     )
     if (many := len(np.unique(mesh.tets))) > _MANY:
-        yield f"{many:,} vertices give MuJoCo {3 * many:,} degrees of freedom: it will be slow"
+        yield Note("mujoco.vertices_give", many=many, many_2=3 * many)
 
 
 def _write(path: Path, mesh: TetMesh, bins: Bins, options: SceneOptions) -> list[Path]:

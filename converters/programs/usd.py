@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from ...fem.mesh import TetMesh, material_of
+from ...fem.note import Note
 from ...predictors.asset import upright
 from ..files import writing
 from ..registry import MATERIAL, Format, Program
@@ -82,14 +83,7 @@ def _tet_mesh(mesh: TetMesh, bins: Bins) -> Iterator[str]:
     yield '        uniform token subsetFamily:materialBind:familyType = "partition"\n'
     for i in range(len(bins)):
         members = ", ".join(map(str, np.flatnonzero(bins.label == i).tolist()))
-        yield (
-            f'        def GeomSubset "bin{i + 1}" (\n'
-            '            prepend apiSchemas = ["MaterialBindingAPI"]\n        )\n        {\n'
-            '            uniform token elementType = "tetrahedron"\n'
-            '            uniform token familyName = "materialBind"\n'
-            f"            int[] indices = [{members}]\n"
-            f"            rel material:binding = </World/Materials/bin{i + 1}>\n        }}\n"
-        )
+        yield (Note("usd.def_geomsubset", i=i + 1, members=members))
     yield "    }\n"
 
 

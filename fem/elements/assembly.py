@@ -271,8 +271,11 @@ def node_supports(supports: Supports, space: Space) -> Supports:
         return supports
     if len(supports.fixed) != space.points:
         raise InputError(
-            f"supports of {len(supports.fixed)} points: wanted {space.points} (mesh points) "
-            f"or {len(space.nodes)} (nodes of the order-{space.order} space)"
+            "assembly.supports_points",
+            count=len(supports.fixed),
+            points=space.points,
+            count_2=len(space.nodes),
+            order=space.order,
         )
     edges = space.edges
     return Supports(

@@ -11,6 +11,7 @@ from jaxtyping import Float, Int
 from ..device import start_warp
 from ..errors import InputError
 from ..mesh import TetMesh, face_areas, material_of
+from ..note import Note
 from ..scene.loads import Traction
 from ..validation import checked_rows, checked_vector
 from .assembly import Discretisation
@@ -62,7 +63,7 @@ def traction_force(mesh: TetMesh, space: Space, load: Traction) -> Float[np.ndar
     """Nodal forces [N] of a surface traction, constant on every face."""
     faces = np.asarray(load.faces)
     if np.ndim(load.value) == 0:
-        raise InputError(f"traction {load.value} Pa: wanted x, y, z, or `pressure` for a scalar")
+        raise InputError("forces.traction_pa", value=load.value)
     total = np.broadcast_to(load.value, faces.shape) * face_areas(mesh.points, faces)[:, None]
     if space.order == 2:  # all weight sits at the middles of the edges, a third each
         faces = edge_nodes(space, faces[:, [[0, 1], [1, 2], [2, 0]]])
@@ -80,7 +81,7 @@ def edge_nodes(space: Space, ends: Int[np.ndarray, "*n 2"]) -> Int[np.ndarray, "
     keys = ends[..., 0] * count + ends[..., 1]
     index = np.minimum(np.searchsorted(key, keys), len(key) - 1)
     if (key[index] != keys).any():
-        raise InputError("a traction face is no face of the mesh: take faces from mesh.boundary")
+        raise InputError("forces.traction_face")
     return count + index
 
 
@@ -113,13 +114,16 @@ def load_vector(
         rows = checked_rows("forces", forces, node_counts(space), "N")
         total[: len(rows)] += rows
     if not np.isfinite(total).all():
-        raise InputError("a load is not finite: wanted numbers in SI units")
+        raise InputError("forces.load_finite")
     return total
 
 
 def node_counts(space: Space) -> dict[int, str]:
     """What an array may have a row for: every node of the space, or every point of the mesh."""
-    return {len(space.nodes): f"nodes of order {space.order}", space.points: "points of the mesh"}
+    return {
+        len(space.nodes): Note("forces.nodes_order", order=space.order),
+        space.points: Note("forces.points_mesh"),
+    }
 
 
 def node_velocities(given: Any, space: Space) -> Float[np.ndarray, "nodes 3"]:

@@ -62,7 +62,7 @@ def make_space(mesh: TetMesh, order: int) -> Space:
     if order == 1:
         return Space(1, mesh.points, mesh.tets, np.zeros((0, 2), dtype=np.int64))
     if order != 2:
-        raise InputError(f"order {order}: wanted 1 (linear) or 2 (quadratic) elements")
+        raise InputError("space.order_wanted", order=order)
     count = len(mesh.points)
     ends = np.sort(mesh.tets[:, EDGES].astype(np.int64), axis=-1).reshape(-1, 2)
     key, index = np.unique(ends[:, 0] * count + ends[:, 1], return_inverse=True)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any
 
+from ..note import Note
 from ..registry import Registry
 
 
@@ -63,7 +64,7 @@ class ElasticLaw:
     def __post_init__(self) -> None:
         exact = self.stress_change or self.exact_tangent
         if not (exact or self.projected_tangent or self.stiffness_block):
-            raise TypeError(f"the {self.title} law has no second derivative: give it one of four")
+            raise TypeError(Note("law.law_second", title=self.title))
 
 
 LAWS: Registry[ElasticLaw] = Registry(

@@ -12,6 +12,7 @@ from jaxtyping import Float, Int
 from ..device import Recent, Recorder, start_warp
 from ..elements.assembly import BlockMatrix, Pattern
 from ..errors import ConvergenceError
+from ..note import Note
 
 
 class NotPositive(ConvergenceError):
@@ -69,14 +70,14 @@ class CholeskyFactor:
             gather.launch()
             _, failed = dpotrf(square, lower=1, clean=0, overwrite_a=1)
             if failed:
-                raise NotPositive(f"pivot {failed} of supernode {t} is not positive")
+                raise NotPositive(Note("cholesky.pivot_supernode", failed=failed, t=t))
             r = len(lower)
             if r:
                 dtrsm(1.0, square, lower, side=1, lower=1, trans_a=1, overwrite_b=1)
                 own = updates[place[t] : place[t] + r * r].reshape(r, r).T
                 dsyrk(-1.0, lower, beta=1.0, c=own, lower=1, overwrite_c=1)
         if not np.isfinite(numbers.numpy()[self._diagonal]).all():  # LAPACK lets NaN pass
-            raise NotPositive("the matrix has entries that are no numbers")
+            raise NotPositive(Note("cholesky.matrix_entries"))
 
     @property
     def smallest_pivot(self) -> float:

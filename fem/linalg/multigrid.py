@@ -482,7 +482,7 @@ def _raised_factor(matrix: np.ndarray):
         except LinAlgError:
             logger.info("coarse matrix is not positive with a shift of %g", shift)
             matrix[:] = np.triu(matrix) + np.triu(matrix, 1).T
-    raise ConvergenceError("the stiffness matrix is not positive definite: is the body held?")
+    raise ConvergenceError("multigrid.stiffness_matrix")
 
 
 # Patterns of the corners of the last spaces, by their edges.

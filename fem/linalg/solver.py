@@ -10,6 +10,7 @@ import numpy as np
 
 from ..device import Recorder, start_warp
 from ..elements.assembly import BlockMatrix
+from ..note import Note
 from .cholesky import CholeskyFactor, Elimination, NotPositive, known_factor, planned_elimination
 from .krylov import ConjugateGradients, DeviceVector, length, norm
 from .multigrid import Scaled, TwoLevel, corner_pattern, scale
@@ -33,7 +34,7 @@ MAX_ITERATIONS = 1000
 # held. (Slender bodies with contrasts of 1e8 reach 1e-10.)
 PIVOT = 1e-11
 CHOLESKY = "sparse Cholesky"
-CG_AGGREGATES, CG_LINEAR = "CG over rigid aggregates", "CG over linear elements"
+CG_AGGREGATES, CG_LINEAR = Note("solver.cg_over"), Note("solver.cg_over_linear")
 # A residual of round-off alone says nothing of x (a slab of aspect 10,000 had 2.9, and moved 4e-5
 # of what it should): its last correction does. Slabs of 2e11 Pa were off by up to ten times it.
 KNOWN = 1e-3
@@ -109,7 +110,12 @@ def solve_system(
     scaled_b = np.einsum("nij,nj->ni", system.inverse.numpy(), b)
     direct = solve_direct(system.matrix, scaled_b, plan, tolerance=0.0)
     x = np.linalg.solve(lower.transpose(0, 2, 1), direct.x[..., None])[..., 0]
-    solver = f"{direct.solver} after {solution.iterations} iterations of {solution.solver}"
+    solver = Note(
+        "solver.after_iterations",
+        solver=direct.solver,
+        iterations=solution.iterations,
+        solver_2=solution.solver,
+    )
     return direct._replace(x=x, iterations=solution.iterations, floor=solution.floor, solver=solver)
 
 

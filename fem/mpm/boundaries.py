@@ -53,7 +53,7 @@ class Wall:
     def __post_init__(self) -> None:
         numbers = [self.friction, *self.shape.velocity]
         if not (np.isfinite(numbers).all() and self.friction >= 0):
-            raise InputError(f"wall {self}: wanted finite numbers, friction >= 0")
+            raise InputError("boundaries.wall_wanted", value=self)
 
     @property
     def moves(self) -> bool:
@@ -151,7 +151,7 @@ def support_walls(
     ``InputError`` where there are springs.
     """
     if supports.springs.any():
-        raise InputError("springs: the material point method knows none; hold the places instead")
+        raise InputError("boundaries.springs_material")
     rows = np.concatenate([supports.fixed, supports.values * supports.fixed], axis=1)
     kinds, which = np.unique(rows, axis=0, return_inverse=True)
     walls = []
@@ -256,14 +256,13 @@ def grid_around(
     """
     low, high = np.asarray(low, dtype=float), np.asarray(high, dtype=float)
     if not (np.isfinite([*low, *high]).all() and (high >= low).all() and spacing > 0):
-        raise InputError(f"grid from {low} to {high} every {spacing:g} m: wanted finite, growing")
+        raise InputError("boundaries.grid_every", low=low, high=high, spacing=spacing)
     origin = low - MARGIN * spacing
     for axis, at in (planes or {}).items():
         origin[axis] = at - np.ceil((at - origin[axis]) / spacing - 1e-9) * spacing
     shape = np.ceil((high - origin) / spacing - 1e-9).astype(np.int64) + MARGIN + 1
     if np.prod(shape.astype(float)) > MOST_NODES:
         raise InputError(
-            f"a grid of {'x'.join(map(str, shape))} nodes: wanted at most {MOST_NODES:,}; take a "
-            "coarser grid, or a smaller room"
+            "boundaries.grid_nodes", map="x".join(map(str, shape)), most_nodes=MOST_NODES
         )
     return BackgroundGrid(origin, float(spacing), (int(shape[0]), int(shape[1]), int(shape[2])))

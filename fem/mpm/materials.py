@@ -8,6 +8,7 @@ from enum import IntEnum
 import numpy as np
 
 from ..errors import InputError
+from ..note import Note
 from ..table import Material, load_flows
 
 
@@ -61,10 +62,10 @@ FORMS = {
     Form.COROTATED: "fixed corotated",
 }
 LAWS = {
-    MaterialClass.METAL: "Hencky elastic with von Mises' yield",
-    MaterialClass.SAND: "Hencky elastic with Drucker and Prager's friction",
-    MaterialClass.VISPLAS: "Hencky elastic with viscoplastic flow",
-    MaterialClass.FLUID: "weakly compressible fluid",
+    MaterialClass.METAL: Note("materials.hencky_elastic"),
+    MaterialClass.SAND: Note("materials.hencky_elastic_drucker"),
+    MaterialClass.VISPLAS: Note("materials.hencky_elastic_viscoplastic"),
+    MaterialClass.FLUID: Note("materials.weakly_compressible"),
     MaterialClass.SNOW: "snow",
     MaterialClass.STATIONARY: "stands still",
 }
@@ -134,9 +135,9 @@ class Substance:
             if value is not None:
                 _check(name, value, least=np.finfo(float).tiny)
         if (self.tension is None) != (self.fracture_energy is None):
-            raise InputError("a body tears by tension and fracture_energy: wanted both or neither")
+            raise InputError("materials.body_tears")
         if self.corotated and self.tension is not None:
-            raise InputError("corotated jelly does not tear: wanted no tension")
+            raise InputError("materials.corotated_jelly")
 
     @property
     def tears(self) -> bool:
@@ -180,4 +181,6 @@ class Substance:
 
 def _check(name: str, value: float, *, least: float) -> None:
     if not (np.isfinite(value) and value >= least):
-        raise InputError(f"{name} = {value:g}: wanted a finite number {'>' if least else '>='} 0")
+        raise InputError(
+            "materials.wanted_finite", name=name, value=value, ending=">" if least else ">="
+        )

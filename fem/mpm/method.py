@@ -11,6 +11,7 @@ from jaxtyping import Float
 from ..errors import UsageError
 from ..laws.law import Law
 from ..mesh import material_of
+from ..note import Note
 from ..scene.scene import Scene
 from ..solve.method import FrameProgress
 from ..solve.result import Motion, MotionResult, ParticleRun
@@ -106,9 +107,7 @@ class MpmMethod:
         """
         laws = () if self.corotated else self.laws
         if order is not None or law not in (None, *laws):
-            raise UsageError(
-                "particles have no elements, and a law by substance: leave law and order out"
-            )
+            raise UsageError("method.particles_elements")
         frames = checked_count("frames", scene.frames)
         dt = checked_positive("duration", scene.duration, "s") / frames
         checked_count("grid", self.grid)
@@ -136,7 +135,9 @@ class MpmMethod:
 
         unknown = sorted(set(self.substances) - set(mesh.region_names))
         if unknown:
-            raise UsageError(f"no part {unknown[0]!r}: there are {', '.join(mesh.region_names)}")
+            raise UsageError(
+                "method.part", unknown=unknown[0], region_names=", ".join(mesh.region_names)
+            )
         region = mesh.region[sample.tet].astype(np.int64)
         jelly = Substance(corotated=self.corotated)
         velocity = np.asarray(scene.velocity, dtype=float)
@@ -162,10 +163,7 @@ class MpmMethod:
 
         notes = self.notes
         if self.metres is not None:
-            notes += (
-                f"moved as if it were {self.metres:g} m long, not {scene.longest:.3g} m: times, "
-                "speeds and sags are not the body's own",
-            )
+            notes += (Note("method.moved_if", metres=self.metres, longest=scene.longest),)
         notes += treatment_notes(treatment, sample.thin)
         force = particle_forces(scene, particles.x)
         if particles.held.all():
@@ -247,9 +245,12 @@ class _Run:
         steps = max(scene.duration / dt, 1.0)
         each = np.array([COSTS.get(MaterialClass(int(k)), COST) for k in particles.kinds])
         seconds = steps * (OVERHEAD + float(each[~particles.held].sum()))
-        self.plan = (
-            f"{len(particles.x):,} particles, a grid of {'x'.join(map(str, room.shape))}, about "
-            f"{steps:,.0f} steps: some {seconds:,.0f} s"
+        self.plan = Note(
+            "method.particles_grid",
+            count=len(particles.x),
+            map="x".join(map(str, room.shape)),
+            steps=steps,
+            seconds=seconds,
         )
 
     def motion(self, time: float) -> Motion:
@@ -294,7 +295,7 @@ class _Run:
         particles = treatment.particles
         outside = solver.outside if solver is not None else 0
         if outside:
-            notes = (*notes, f"{outside:,} particles left the grid and stand still where they did")
+            notes = (*notes, Note("method.particles_left", outside=outside))
         return ParticleRun(
             spacing=self.room.spacing,
             nodes=self.room.shape,

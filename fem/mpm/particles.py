@@ -51,7 +51,7 @@ class Particles:
 
     def __post_init__(self) -> None:
         if not len(self.x):
-            raise InputError("no particles: the body is thinner than the grid, or empty")
+            raise InputError("particles.particles_body")
         sides = {
             "volume": self.volume > 0,
             "E": self.E > 0,
@@ -63,19 +63,26 @@ class Particles:
         for name, good in sides.items():
             values = getattr(self, name)
             if len(values) != len(self.x):
-                raise InputError(f"{len(values)} values of {name} for {len(self.x)} particles")
+                raise InputError(
+                    "particles.values_particles", count=len(values), name=name, count_2=len(self.x)
+                )
             good = good & np.isfinite(values).reshape(len(values), -1).all(axis=1)
             if not good.all():
                 first = int(np.flatnonzero(~good)[0])
                 raise InputError(
-                    f"{name} = {values[first]} at particle {first} ({int((~good).sum())} of "
-                    f"{len(values)} bad): wanted finite values in SI, of the right sign"
+                    "particles.particle_bad",
+                    name=name,
+                    values=values[first],
+                    first=first,
+                    count=int((~good).sum()),
+                    count_2=len(values),
                 )
         for name, names in (("part", self.parts), ("substance", self.substances)):
             ids = getattr(self, name)
             if len(ids) != len(self.x) or ids.min() < 0 or ids.max() >= len(names):
-                raise InputError(f"{name} of the particles: wanted {len(self.x)} ids below "
-                                 f"{len(names)}")  # fmt: skip
+                raise InputError(
+                    "particles.particles_wanted", name=name, count=len(self.x), count_2=len(names)
+                )
 
     @classmethod
     def of(

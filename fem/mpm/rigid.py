@@ -12,6 +12,7 @@ from jaxtyping import Bool, Float, Int
 
 from ..device import start_warp
 from ..mesh import material_of
+from ..note import Note
 from ..scene.scene import Scene
 from ..scene.supports import Supports
 from .kernels_grid import rigid_kernels
@@ -228,10 +229,14 @@ def treated(
     if stiff == Stiff.CAP:
         size = float(np.ptp(x[hard], axis=0).max())
         sag = float((rho[hard] * gravity * size / most[hard]).max())
-        seen = "invisible: " if sag < INVISIBLE else "it is seen: "
-        note = (
-            f"{parts}: softened from {particles.E[hard].max():.3g} to {most[hard].min():.3g} Pa "
-            f"({seen}rho g L / E is {sag:.2g} then)"
+        seen = "invisible: " if sag < INVISIBLE else Note("rigid.seen")
+        note = Note(
+            "rigid.softened_pa",
+            parts=parts,
+            max=particles.E[hard].max(),
+            min=most[hard].min(),
+            seen=seen,
+            sag=sag,
         )
         softened = replace(particles, E=np.where(hard, most, particles.E))
         return Treatment(particles=softened, capped=int(hard.sum()), notes=(note,))
@@ -253,13 +258,12 @@ def treated(
     )
     changed = merged_inside(changed, spacing)
     rigid, stationary = int((changed.rigid >= 0).sum()), int(standing.sum())
-    moves = f"{rigid:,} particles move as {bodies} rigid bod{'y' if bodies == 1 else 'ies'}"
-    stands = f"{stationary:,} particles stand still"
-    done = ", ".join([*[stands] * bool(stationary), *[moves] * bool(bodies)])
-    note = (
-        f"{parts}: stiffer than the {most[hard].min():.3g} Pa that {budget:,.0f} steps a second "
-        f"allow: {done}"
+    moves = Note(
+        "rigid.particles_move", rigid=rigid, bodies=bodies, ending="y" if bodies == 1 else "ies"
     )
+    stands = Note("rigid.particles_stand", stationary=stationary)
+    done = ", ".join([*[stands] * bool(stationary), *[moves] * bool(bodies)])
+    note = Note("rigid.stiffer_pa", parts=parts, min=most[hard].min(), budget=budget, done=done)
     return Treatment(
         particles=changed, stationary=stationary, rigid=rigid, bodies=bodies, notes=(note,)
     )
@@ -304,10 +308,7 @@ def treatment_notes(found: Treatment, thin: tuple[str, ...]) -> tuple[str, ...]:
     bending = np.unique(particles.part[particles.kinds != MaterialClass.STATIONARY])
     names = [name for name in thin if name in {particles.parts[i] for i in bending}]
     if names:
-        notes.append(
-            f"{', '.join(names)}: less than about two cells thick, bends wrongly, by a fifth and "
-            "more: finer --grid"
-        )
+        notes.append(Note("rigid.less_about", names=", ".join(names)))
     if particles.held.all():
-        notes.append("everything is stationary: nothing can move")
+        notes.append(Note("rigid.everything_stationary"))
     return tuple(notes)

@@ -16,6 +16,7 @@ from jaxtyping import Float, Int
 from ..device import checked_device, start_warp
 from ..errors import InputError
 from ..material import lame_parameters
+from ..note import Note
 from .boundaries import BackgroundGrid, Wall, still_nodes
 from .kernels_grid import (
     COUNT,
@@ -79,7 +80,7 @@ class MpmSolver:
     ) -> None:
         self._free = ~particles.held
         if not self._free.any():
-            raise InputError("every particle is stationary: nothing would move")
+            raise InputError("solver.every_particle")
         self._particles = particles
         moving, fixed = particles, None
         if not self._free.all():
@@ -91,7 +92,7 @@ class MpmSolver:
             span.kind != MaterialClass.JELLY or span.form == Form.TEARING
             for span in self.cloud.spans
         ):
-            raise InputError("weights at rest are for jelly that does not tear: lagrangian=False")
+            raise InputError("solver.weights_rest")
         speeds = [float(np.linalg.norm(wall.shape.velocity)) for wall in walls]
         self._boundary_speed = max(speeds, default=0.0)
         self.time, self.substeps, self.outside = 0.0, 0, 0
@@ -153,11 +154,11 @@ class MpmSolver:
             survey = cloud.survey()
             self.outside = int(survey[OUTSIDE])
             if survey[NOT_FINITE]:
-                self._fail("not finite", "values overflowed: take shorter steps")
+                self._fail("not finite", Note("solver.values_overflowed"))
             elif survey[INVERTED] > MOST_INVERTED * len(cloud):
-                self._fail("inverted", "it is turned inside out: a finer grid, or a smaller load")
+                self._fail("inverted", Note("solver.turned_inside"))
             elif self.outside == len(cloud):
-                self._fail("left grid", "nothing is left in the grid: make its room larger")
+                self._fail("left grid", Note("solver.nothing_left"))
             if self.failure is not None:
                 break
             fastest, pull = max(float(survey[SPEED]), self._boundary_speed), substep.pull
@@ -167,7 +168,7 @@ class MpmSolver:
             )  # fmt: skip
             if self.step is not None:
                 if self.step > longest * (1 + 1e-9):
-                    advice = f"steps of {self.step:.3g} s: wanted at most {longest:.3g} s"
+                    advice = Note("solver.steps_wanted", step=self.step, longest=longest)
                     self._fail("cfl", advice)
                     break
                 longest = self.step
@@ -198,9 +199,9 @@ class MpmSolver:
                     for body in bodies:
                         body.restore()
                     if steps == 1 and after[NOT_FINITE]:
-                        self._fail("not finite", "values overflowed: take shorter steps")
+                        self._fail("not finite", Note("solver.values_overflowed"))
                     elif steps == 1:
-                        self._fail("velocity", "it moved a cell in one step: take shorter steps")
+                        self._fail("velocity", Note("solver.moved_cell"))
                     short = short / 2
                     continue
             self.time += steps * dt

@@ -9,6 +9,7 @@ import numpy as np
 
 from ..errors import ConvergenceError
 from ..material import lame_parameters
+from ..note import Note
 
 # Largest fraction of a spacing that a pressure wave crosses in a step. Shaken blocks blow up above
 # 1.0 at nu 0.3 (8 and 27 particles a cell) and above 0.8 at nu 0.45.
@@ -45,9 +46,14 @@ class Failure:
 
     def __str__(self) -> str:
         """Return the failure in one line."""
-        return (
-            f"MPM, {self.kind} at {self.time:.4g} s in {self.part!r} (E {self.E:.3g} Pa, steps "
-            f"allow {self.E_max:.3g} Pa): {self.advice}"
+        return Note(
+            "time_step.mpm_pa",
+            value=self.kind,
+            time=self.time,
+            part=self.part,
+            e=self.E,
+            e_max=self.E_max,
+            advice=self.advice,
         )
 
 

@@ -26,6 +26,7 @@ from ..laws.law import Law
 from ..linalg.cholesky import CholeskyFactor, known_factor, planned_elimination
 from ..linalg.solver import MOST_ENTRIES, solve_system
 from ..mesh import TetMesh, material_of
+from ..note import Note
 from ..scene.loads import Traction
 from ..scene.supports import Supports
 from ..solve.error import motion_elements
@@ -100,9 +101,9 @@ def linear_body(mesh: TetMesh, supports: Supports | None, *, order: int = 1) -> 
     """
     held, material = supports or Supports.none(len(mesh.points)), material_of(mesh)
     if (held.values * held.fixed).any():
-        raise InputError("a reduced body cannot be moved by its supports: prescribe zero, or fem")
+        raise InputError("basis.reduced_body")
     if material.tensor is not None:
-        raise InputError("a reduced body knows no grain: wanted an isotropic material")
+        raise InputError("basis.reduced_body_knows")
     free = not (held.fixed.any() or held.springs.any())
     if not free:
         check_held(mesh, held)
@@ -125,7 +126,7 @@ def linear_body(mesh: TetMesh, supports: Supports | None, *, order: int = 1) -> 
         options = {"points": grid.space.nodes, "fixed": held.fixed, "edges": grid.space.edges}
         solved = [solve_system(matrix, load, **options, tolerance=TOLERANCE) for load in b]
         if wrong := [s.residual for s in solved if not s.reached(TOLERANCE)]:
-            raise ConvergenceError(f"a response was found to {max(wrong):.2g} only")
+            raise ConvergenceError("basis.response_found", wrong=max(wrong))
         return np.stack([s.x for s in solved])
 
     return LinearBody(mesh, held, grid, mass, vibrations, compliance)
@@ -164,7 +165,7 @@ def vector_basis(
     by principal components, of modes as large as the same force makes them (Barbic & James 2005).
     """
     if body.is_free:
-        raise InputError("a free body turns, which no fields of vectors follow: take functions")
+        raise InputError("basis.free_body")
     responses = unit_responses(body, forces)
     linear = np.moveaxis(np.concatenate([body.modes.shapes, responses]), 0, 2)
     second = bent_fields(body, responses)
@@ -346,10 +347,7 @@ def modal_weights(
     """
     fixed = np.asarray(body.held.fixed.any(axis=1))
     if (fixed & ~body.held.fixed.all(axis=1)).any():
-        raise InputError(
-            "a point is held in some directions only, and handles vanish on it in all or in none: "
-            "wanted the vector basis"
-        )
+        raise InputError("basis.point_held")
     laplacian = laplacian_weights(body.mesh, handles, fixed[: len(body.mesh.points)])
     weights = extend_linear(body.space, laplacian)
     # Modes, as large as in a motion by f1 / f, and what is beside them, as (x, y, z)
@@ -565,22 +563,21 @@ def relative_error(
 def accuracy_warnings(model: ReducedModel) -> tuple[str, ...]:
     """What to say where a model is not as good as it should be."""
     ratio, sag, cell_ratio, cell_sag, motion, stiffening = model.accuracy
-    warnings = [] if (coarse := too_coarse(stiffening)) is None else [f"{coarse}; convert it finer"]
+    warnings = (
+        []
+        if (coarse := too_coarse(stiffening)) is None
+        else [Note("basis.convert_finer", coarse=coarse)]
+    )
     if model.kind is Subspace.VECTOR and np.isfinite(cell_ratio) and np.isnan(cell_sag):
-        warnings.append(
-            f"{len(model.cells)} cells were chosen by the frequency alone: nothing loads the body, "
-            "or no rest under its load was found"
-        )
+        warnings.append(Note("basis.cells_chosen", count=len(model.cells)))
     if abs(ratio - 1) > FREQUENCY_LIMIT:
-        warnings.append(f"the reduced body's lowest frequency is {ratio:.3f} times the full one's")
+        warnings.append(Note("basis.reduced_bodys", ratio=ratio))
     if sag > SAG_LIMIT:
-        warnings.append(f"the reduced body sags otherwise than the full one, by {sag:.1%}")
+        warnings.append(Note("basis.reduced_body_sags", sag=sag))
     if cell_sag > SAG_LIMIT:
-        warnings.append(f"{len(model.cells)} cells sag otherwise than all tets, by {cell_sag:.1%}")
+        warnings.append(Note("basis.cells_sag", count=len(model.cells), cell_sag=cell_sag))
     if motion > MOTION_LIMIT:
-        warnings.append(
-            f"the reduced body moves otherwise than the full one, by about {motion:.1%}"
-        )
+        warnings.append(Note("basis.reduced_body_moves", motion=motion))
     return tuple(warnings)
 
 

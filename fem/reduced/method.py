@@ -9,6 +9,7 @@ import numpy as np
 
 from ..errors import UsageError
 from ..laws.law import Law
+from ..note import Note
 from ..scene.scene import Scene
 from ..solve.method import FrameProgress, halving_notes
 from ..solve.result import MOTION_LIMIT, ModelError, MotionResult, locking_share
@@ -61,7 +62,7 @@ class ReducedMethod:
         Raises UsageError: Where a GPU is asked for.
         """
         if device != "cpu":
-            raise UsageError("a reduced body moves on the CPU: leave the device out")
+            raise UsageError("method.reduced_body")
         frames = checked_count("frames", scene.frames)
         dt = checked_positive("duration", scene.duration, "s") / frames
         model = self.model_of(scene, order)
@@ -81,7 +82,7 @@ class ReducedMethod:
         model, solution = followed.model, [("reduced model", model_in_words(followed.model))]
         if followed.before:
             before = ", then by ".join(f"{100 * error:.2g} %" for error in followed.before)
-            again = f"the motion before was off by {before}; what it missed joined"
+            again = Note("method.motion_before", before=before)
             solution.append(("followed again", again))
         notes = [
             *accuracy_warnings(model),
@@ -89,10 +90,7 @@ class ReducedMethod:
             *halving_notes(followed.halved, frames),
         ]
         if scene.obstacles:
-            notes.append(
-                f"{model.dofs} coordinates follow how the body bends as a whole, not the dents "
-                "that obstacles make"
-            )
+            notes.append(Note("method.coordinates_follow", dofs=model.dofs))
         return MotionResult(
             followed.states,
             dt,
@@ -108,7 +106,7 @@ class ReducedMethod:
     def model_of(self, scene: Scene, order: int | None = None) -> ReducedModel:
         """Reduced model of the body as the ``scene`` holds it; see ``reduce_body``."""
         if self.kind is Subspace.VECTOR and self.handles != HANDLES:
-            raise UsageError("fields of vectors have no handles: leave them out, or take skinning")
+            raise UsageError("method.fields_vectors_handles")
         model = reduce_body(
             scene.mesh,
             scene.supports,
@@ -131,9 +129,9 @@ METHOD = ReducedMethod()
 def error_notes(error: ModelError | None) -> tuple[str, ...]:
     """Say that a motion is not the full body's, or that this was not measured."""
     if error is None:
-        return ("how far the motion is from the full body's is not known: the mesh is too large",)
+        return (Note("method.how_far"),)
     if not error.share <= MOTION_LIMIT:
-        return (f"the reduced motion is not the full body's: off by {error.words}",)
+        return (Note("method.reduced_motion", words=error.words),)
     return ()
 
 
@@ -154,9 +152,17 @@ def with_motion_error(model: ReducedModel, scene: Scene) -> ReducedModel:
 
 def model_in_words(model: ReducedModel) -> str:
     """Kind, coordinates, cells and lowest frequency of a model, in a line."""
-    basis = "functions along three axes" if model.kind is Subspace.SKINNING else "fields of vectors"
+    basis = (
+        Note("method.functions_along")
+        if model.kind is Subspace.SKINNING
+        else Note("method.fields_vectors")
+    )
     of = "linear" if np.isnan(model.accuracy.stiffening) else "quadratic"
-    return (
-        f"{model.dofs} coordinates of {basis}, {len(model.cells):,} cells; lowest frequency "
-        f"{model.accuracy.best_frequency:.3f} of the full body's with {of} elements"
+    return Note(
+        "method.coordinates_cells",
+        dofs=model.dofs,
+        basis=basis,
+        count=len(model.cells),
+        best_frequency=model.accuracy.best_frequency,
+        of=of,
     )

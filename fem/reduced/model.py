@@ -122,14 +122,14 @@ class ReducedModel:
 
     def __post_init__(self) -> None:
         if not (self.weights >= 0).all():
-            raise InputError(f"cubature weight {self.weights.min():g} m^3: wanted >= 0")
+            raise InputError("model.cubature_weight", min=self.weights.min())
 
     def checked(self) -> ReducedModel:
         """The model itself; ``InputError`` where its basis is not orthonormal in mass."""
         flat = self.basis.reshape(-1, self.dofs)
         error = np.abs(flat.T @ (np.repeat(self.mass, 3)[:, None] * flat) - np.eye(self.dofs)).max()
         if not error < ORTHONORMAL:
-            raise InputError(f"the basis is orthonormal in mass to {error:.2g}: wanted 1e-8")
+            raise InputError("model.basis_orthonormal", error=error)
         return self
 
     def __repr__(self) -> str:

@@ -33,6 +33,7 @@ from ..linalg.cholesky import CholeskyFactor, NotPositive, planned_elimination
 from ..linalg.krylov import length
 from ..linalg.solver import MOST_ENTRIES
 from ..mesh import TetMesh, material_of
+from ..note import Note
 from ..scene.scene import Scene
 from ..scene.supports import Supports
 from ..solve.contact import Contact
@@ -91,7 +92,7 @@ class Following:
             if model.kind is not Subspace.VECTOR:
                 break
             if self.announce is not None:
-                self.announce(f"off by {error.words}: once more, with {JOINING} coordinates more")
+                self.announce(Note("motion.off_once", words=error.words, joining=JOINING))
             wider = enriched(followed.model, scene, missed, most_cells=self.most_cells)
             again, missed = self._once(scene, wider)
             if again.error is None or again.error.share >= error.share:
@@ -302,7 +303,7 @@ class _FullBody:
             except NotPositive:
                 continue
             return self._inverse.solve(b)
-        raise ConvergenceError("the full body's stiffness about the reduced motion is not positive")
+        raise ConvergenceError("motion.full_bodys")
 
 
 # Motion of a reduced body: every step minimises an incremental potential of the coordinates.
@@ -400,7 +401,7 @@ class ReducedDynamics:
         self.load_size = length(self.load)
         self.stiffest = float(np.linalg.eigvalsh(self.elasticity.tangent(zero))[-1])
         if self.contact is not None and not self.contact.gap(model.displacement(zero)) > 0:
-            raise InputError("the body starts inside an obstacle: wanted a gap")
+            raise InputError("motion.body_starts")
         v = zero if velocity is None else velocity
         self.now = Kinematics(zero, v, self.load - self.elasticity.response(zero).force)
         self.time, self.iterations, self.last_dt = 0.0, 0, 0.0
@@ -509,7 +510,7 @@ class ReducedDynamics:
             q = q + np.linalg.lstsq(rows, size[near], rcond=None)[0]
         else:
             if not self.contact.gap(self.model.displacement(q)) > 0:
-                raise ConvergenceError("an obstacle moves through the body: use a smaller step")
+                raise ConvergenceError("motion.obstacle_moves")
         q = q + min(1.0, potential.longest_step(q, ahead - q)) * (ahead - q)
         for _ in range(FRICTION_PASSES if self.contact.friction else 1):
             self.contact.lag_friction(self.model.displacement(q))

@@ -30,6 +30,7 @@ from ..laws.law import Law
 from ..linalg.cholesky import CholeskyFactor, planned_elimination
 from ..material import ElementMaterial, isotropic_tensor, lame_parameters
 from ..mesh import TetMesh, material_of
+from ..note import Note
 from ..scene.supports import Supports
 from ..solve.modal import natural_modes
 from ..solve.nonlinear import solve_nonlinear
@@ -82,13 +83,15 @@ def what_if(
     law: Name of the elastic law.
     """
     names = model.region_names
-    wanted = f"wanted a positive number for each of {len(names)} part(s)"
+    wanted = Note("sweep.wanted_positive", count=len(names))
     if scales.shape != (len(loads), len(names)):
-        raise InputError(f"scales {scales.shape} of {len(loads)} runs: {wanted}")
+        raise InputError("sweep.scales_runs", shape=scales.shape, count=len(loads), wanted=wanted)
     if (wrong := np.argwhere(~(scales > 0))).size:
         run, part = wrong[0]
         factor = scales[run, part]
-        raise InputError(f"run {run + 1}: factor {factor:g} of {names[part]!r}: {wanted}")
+        raise InputError(
+            "sweep.run_factor", run=run + 1, factor=factor, names=names[part], wanted=wanted
+        )
     elasticity = ReducedElasticity(model, law)
     coordinates = np.full(loads.shape, np.nan)
     frequency = np.empty(len(loads))
@@ -129,7 +132,7 @@ def what_if_error(
     Raises ConvergenceError: Where no run has a rest, or the full body finds none.
     """
     if not np.isfinite(found.largest).any():
-        raise ConvergenceError(f"none of {len(found.largest)} runs has a rest: wanted less load")
+        raise ConvergenceError("sweep.none_runs", count=len(found.largest))
     farthest = int(np.nanargmax(found.largest))
     others = np.setdiff1d(np.flatnonzero(np.isfinite(found.largest)), [farthest])
     drawn = np.random.default_rng(seed).permutation(others)[: count - 1]

@@ -15,6 +15,7 @@ from jaxtyping import Int
 
 from ..errors import InputError, UsageError
 from ..mesh import TetMesh
+from ..note import Note
 from .loads import pressure, spread_force, spread_torque
 from .obstacles import Box, Capsule, Obstacle, Plane, Sphere
 from .scene import Hold, Scene
@@ -93,7 +94,7 @@ class BoundaryConditions:
             free = ~held.fixed[place.points]
             if not free[:, place.axes].all():
                 count = int((~free[:, place.axes]).any(axis=1).sum())
-                warnings.append(f"--move {place.words}: {count} of its points are held: they stay")
+                warnings.append(Note("conditions.move_points", words=place.words, count=count))
             values = np.where(free, value, held.values[place.points])[:, place.axes]
             held = held.with_fixed(place.points, place.axes, values)
             holds.append(Hold(place.words, place.points, place.axes, tuple(value.tolist())))
@@ -103,11 +104,10 @@ class BoundaryConditions:
             for place, value in self._placed(scene, kind):
                 option = f"--{kind} {place.words}"
                 if not len(place.faces):
-                    raise UsageError(f"{option}: it has no face on the surface, where loads act")
+                    raise UsageError("conditions.face_surface", option=option)
                 if not place.whole:
                     warnings.append(
-                        f"{option}: no whole face lies there; the {len(place.faces)} faces that "
-                        "touch it are loaded"
+                        Note("conditions.whole_face", option=option, count=len(place.faces))
                     )
                 number = float(value[0]) if kind == "pressure" else value
                 try:
@@ -120,11 +120,9 @@ class BoundaryConditions:
         if self.gravity_dir is not None:
             way = np.asarray(self.gravity_dir, dtype=float)
             if way.shape != (3,) or not np.isfinite(way).all() or not np.linalg.norm(way) > 0:
-                raise UsageError(
-                    f"--gravity-dir {self.gravity_dir}: wanted three numbers, not all 0"
-                )
+                raise UsageError("conditions.gravity_dir_wanted", gravity_dir=self.gravity_dir)
             if not gravity.any():
-                raise UsageError("--gravity-dir: this scene has no gravity to turn")
+                raise UsageError("conditions.gravity_dir_scene")
             gravity = float(np.linalg.norm(gravity)) * way / np.linalg.norm(way)
         return replace(
             scene,
@@ -167,7 +165,7 @@ def _selected(scene: Scene, kind: str, words: str) -> Selection:
 
 
 AXES = "xyz"
-FORMS = "part:NAME, box:x0,y0,z0,x1,y1,z1, plane:z<0.01 (or x>1), near:x,y,z,r or all"
+FORMS = Note("conditions.part_name")
 # Places reach this fraction of the diagonal further: `plane:z<0` means the face at z = 0 too, and
 # coordinates written as text lose their last digits.
 TOUCH = 1e-6
@@ -207,11 +205,15 @@ def select(mesh: TetMesh, words: str) -> Selection:
         region = folded.get(rest.casefold()) if exact is None else exact
         if region is None:
             near = difflib.get_close_matches(rest.casefold(), folded, n=1, cutoff=0.5)
-            hint = f"did you mean {mesh.region_names[folded[near[0]]]!r}? " if near else ""
-            raise UsageError(f"{words!r}: there is no such part; {hint}{_around(mesh)}")
+            hint = (
+                Note("conditions.you_mean", region_names=mesh.region_names[folded[near[0]]])
+                if near
+                else ""
+            )
+            raise UsageError("conditions.such_part", words=words, hint=hint, around=_around(mesh))
         inside = mesh.region == region
         if not inside.any():
-            raise UsageError(f"{words!r}: the part has no tets; {_around(mesh)}")
+            raise UsageError("conditions.part_tets", words=words, around=_around(mesh))
         boundary = mesh.boundary
         faces = boundary.faces[inside[boundary.tet]]
         return Selection(words, axes, np.unique(mesh.tets[inside]), faces, whole=True)
@@ -226,14 +228,14 @@ def select(mesh: TetMesh, words: str) -> Selection:
     elif kind == "near":
         *centre, radius = numbers(rest, 4, words)
         if not radius > 0:
-            raise UsageError(f"{words!r}: radius {radius:g} m, wanted > 0")
+            raise UsageError("conditions.radius_wanted", words=words, radius=radius)
         away = np.maximum(np.linalg.norm(x - np.array(centre), axis=1) - radius, 0.0)
     elif kind == "all":
         if rest:
-            raise UsageError(f"{words!r}: wanted all, or all:xy")
+            raise UsageError("conditions.wanted_all", words=words)
         away = np.zeros(len(x))
     else:
-        raise UsageError(f"{words!r}: no place is called {kind!r}; wanted {FORMS}")
+        raise UsageError("conditions.place_called", words=words, value=kind, forms=FORMS)
     touch = TOUCH * float(np.linalg.norm(np.ptp(mesh.bounds, axis=0)))
     used = np.unique(mesh.tets)
     ids = used[away[used] <= touch]
@@ -242,8 +244,12 @@ def select(mesh: TetMesh, words: str) -> Selection:
         owner = mesh.region[np.flatnonzero((mesh.tets == nearest).any(axis=1))[0]]
         place = ", ".join(f"{x:.4g}" for x in mesh.points[nearest])
         raise UsageError(
-            f"{words!r}: no point of the mesh lies there; the nearest is ({place}) of part "
-            f"{mesh.region_names[owner]!r}, {away[nearest]:.3g} m away; {_around(mesh)}"
+            "conditions.point_mesh",
+            words=words,
+            place=place,
+            region_names=mesh.region_names[owner],
+            away=away[nearest],
+            around=_around(mesh),
         )
     faces = mesh.boundary.faces
     inside = np.isin(faces, ids)
@@ -259,7 +265,7 @@ def numbers(text: str, count: int, words: str) -> np.ndarray:
     except ValueError:
         values = np.zeros(0)
     if values.shape != (count,) or not np.isfinite(values).all():
-        form = "a number" if count == 1 else f"{count} numbers with commas between them"
+        form = "a number" if count == 1 else Note("conditions.numbers_commas", count=count)
         raise UsageError(f"{words!r}: {text!r} is not {form}")
     return values
 
@@ -271,7 +277,7 @@ def half_space(text: str, words: str) -> tuple[int, float, float]:
     """
     match = re.fullmatch(r"\s*([xyz])\s*([<>])=?(.+)", text)
     if match is None:
-        raise UsageError(f"{words!r}: wanted plane:z<0.01 or plane:x>1 [m]")
+        raise UsageError("conditions.wanted_plane", words=words)
     sign = 1.0 if match[2] == "<" else -1.0
     return AXES.index(match[1]), sign, float(numbers(match[3], 1, words)[0])
 
@@ -281,12 +287,10 @@ def _around(mesh: TetMesh, most: int = 8) -> str:
     more = f" and {len(mesh.region_names) - most} more" if len(mesh.region_names) > most else ""
     spans = zip(AXES, *mesh.bounds, strict=True)
     box = ", ".join(f"{axis} {lo:.4g} to {hi:.4g}" for axis, lo, hi in spans)
-    return f"parts are {names}{more}; the mesh spans {box} m"
+    return Note("conditions.parts_mesh", names=names, more=more, box=box)
 
 
-OBSTACLES = (
-    "plane:z<0 (or x>1), sphere:x,y,z,r, box:x0,y0,z0,x1,y1,z1 or capsule:x0,y0,z0,x1,y1,z1,r"
-)
+OBSTACLES = Note("conditions.plane_sphere")
 
 
 def stated_obstacle(words: str) -> Obstacle:
@@ -297,7 +301,7 @@ def stated_obstacle(words: str) -> Obstacle:
 
     Raises UsageError: Where the words are not understood.
     """
-    option = f"--obstacle {words}"
+    option = Note("conditions.obstacle", words=words)
     shape, equals, way = words.partition("=") if "<=" not in words else (words, "", "")
     velocity = tuple(numbers(way, 3, option).tolist()) if equals else (0.0, 0.0, 0.0)
     kind, _, rest = shape.strip().partition(":")
@@ -316,12 +320,12 @@ def stated_obstacle(words: str) -> Obstacle:
         half = np.abs(corners[1] - corners[0]) / 2
         _positive(float(half.min()), option)
         return Box(tuple(corners.mean(axis=0).tolist()), tuple(half.tolist()), velocity)
-    raise UsageError(f"{option}: no obstacle is called {kind!r}; wanted {OBSTACLES}")
+    raise UsageError("conditions.obstacle_called", option=option, value=kind, obstacles=OBSTACLES)
 
 
 def _positive(size: float, option: str) -> float:
     if not size > 0:
-        raise UsageError(f"{option}: it has the size {size:g} m, wanted > 0")
+        raise UsageError("conditions.size_wanted", option=option, size=size)
     return size
 
 
@@ -362,20 +366,22 @@ def read_conditions(path: Path) -> ConditionsFile:
     try:
         document = tomllib.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
-        raise InputError(f"cannot read the scene {path}: {error}") from error
+        raise InputError("conditions.cannot_read", path=path, error=error) from error
     keys = (*KINDS, "body", *SCALARS)
     for key in document:
         if key not in keys:
             near = difflib.get_close_matches(key, keys, n=1)
-            hint = f"; did you mean {near[0]!r}?" if near else ""
-            raise UsageError(f"{path}: unknown key {key!r}: known are {', '.join(keys)}{hint}")
+            hint = Note("conditions.you_mean_2", near=near[0]) if near else ""
+            raise UsageError(
+                "conditions.unknown_key", path=path, key=key, keys=", ".join(keys), hint=hint
+            )
     options: dict[str, Any] = {kind: _entries(path, kind, document) for kind in KINDS}
     gravity, way = document.get("gravity"), document.get("gravity_dir")
     if gravity is not None and not _is_number(gravity):
-        raise UsageError(f"{path}: gravity = {gravity!r}, wanted a number [m/s^2]")
+        raise UsageError("conditions.gravity_wanted", path=path, gravity=gravity)
     if way is not None:
         if not (isinstance(way, list) and len(way) == 3 and all(map(_is_number, way))):
-            raise UsageError(f"{path}: gravity_dir = {way!r}, wanted three numbers")
+            raise UsageError("conditions.gravity_dir", path=path, way=way)
         options["gravity_dir"] = tuple(map(float, way))
     bodies = tuple(str(path.parent / body) for body in _entries(path, "body", document))
     return ConditionsFile(BoundaryConditions(**options), gravity, bodies)
@@ -395,5 +401,5 @@ def _entries(path: Path, kind: str, document: dict[str, Any]) -> tuple[str, ...]
             return entries(words)
     except (TypeError, ValueError):  # of a table whose values are no numbers
         pass
-    wanted = 'a table "SELECTION" = numbers' if kind in COUNTS else "selections"
-    raise UsageError(f"{path}: {kind} = {value!r}, wanted a list of strings or {wanted}")
+    wanted = Note("conditions.table_selection") if kind in COUNTS else "selections"
+    raise UsageError("conditions.wanted_list", path=path, value=kind, value_2=value, wanted=wanted)

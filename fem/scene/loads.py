@@ -143,9 +143,7 @@ def spread_torque(
     spin = np.linalg.pinv(moments, rcond=1e-9, hermitian=True) @ total
     # A moment of the line about itself is round-off, 1e-16 of the others: 1e-9 lies far from both.
     if not (square > 0 and np.allclose(moments @ spin, total, atol=1e-9 * abs(total).max())):
-        raise InputError(
-            f"a torque about the line of its {len(faces)} face(s): wanted a wider surface"
-        )
+        raise InputError("loads.torque_about", count=len(faces))
     return Traction(faces, np.cross(spin, arms))
 
 

@@ -10,6 +10,7 @@ from jaxtyping import Bool, Float
 
 from ..errors import InputError
 from ..mesh import TetMesh, face_components, spans_plane
+from ..note import Note
 from .obstacles import Plane
 from .up import UpAxis, lowest_corner, up_index, up_vector
 
@@ -45,9 +46,9 @@ class Supports:
 
     def __post_init__(self) -> None:
         if not (np.isfinite(self.values).all() and np.isfinite(self.springs).all()):
-            raise InputError("support values and springs must be finite numbers [m], [N/m]")
+            raise InputError("supports.support_values")
         if (self.springs < 0).any():
-            raise InputError(f"spring stiffness {self.springs.min():g} N/m: wanted >= 0")
+            raise InputError("supports.spring_stiffness", min=self.springs.min())
 
     @classmethod
     def none(cls, points: int) -> Supports:
@@ -134,9 +135,14 @@ def find_supports(
     supports = Supports(fixed, np.zeros(fixed.shape), np.zeros(fixed.shape), float(assumed))
     where = "highest" if from_top else "lowest"
     does, whose = ("are", "their") if loose > 1 else ("is", "its")
-    warning = (
-        f"{loose} of {len(members)} pieces ({assumed:.1%} of the volume) {does} attached to "
-        f"nothing that is held: held at {whose} own {where} points"
+    warning = Note(
+        "supports.pieces_volume",
+        loose=loose,
+        count=len(members),
+        assumed=assumed,
+        does=does,
+        whose=whose,
+        where=where,
     )
     return FoundSupports(supports, (warning,) if loose else ())
 

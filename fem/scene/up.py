@@ -14,7 +14,7 @@ from . import UpAxis
 def up_index(up: str) -> int:
     """Index of the axis that points up or down."""
     if up not in get_args(UpAxis):
-        raise InputError(f"up axis {up!r}: wanted one of {', '.join(get_args(UpAxis))}")
+        raise InputError("up.up_axis", up=up, get_args=", ".join(get_args(UpAxis)))
     return "xyz".index(up[-1])
 
 

@@ -59,7 +59,7 @@ def find_load_factor(result: StaticResult, supports: Supports) -> LoadFactor:
         tolerance.
     """
     if result.law != Law.LINEAR:
-        raise InputError(f"load factor under the law {result.law!r}: wanted {Law.LINEAR.value!r}")
+        raise InputError("buckling.load_factor_under", law=result.law, value=Law.LINEAR.value)
     grid = discretise(result.mesh, result.order)
     held = node_supports(supports, grid.space)
     H = displacement_gradients(grid, result.node_displacement, element_points(grid.space.order))
@@ -69,9 +69,7 @@ def find_load_factor(result: StaticResult, supports: Supports) -> LoadFactor:
     matrix = held_stiffness(grid, material, held)
     inverse = held_inverse(matrix, grid.space, held, rough=ROUGH if affordable else 0.0)
     if inverse is None:
-        raise ConvergenceError(
-            f"{len(result.mesh.tets):,} tets of this shape are too many for it: take a coarser mesh"
-        )
+        raise ConvergenceError("buckling.tets_shape", count=len(result.mesh.tets))
     free = ~held.fixed
     free[grid.space.unused] = False
     # K_sigma [N/m] of `stress` [Pa] at the quadrature points, for one direction
@@ -123,6 +121,4 @@ def _largest_eigenvalue(pencil: _Pencil) -> tuple[float, np.ndarray]:
             return 0.0, v
         if error <= TOLERANCE * abs(value[-1]):
             return float(value[-1]), np.tensordot(mode[:, -1], basis[: step + 1], axes=1)
-    raise ConvergenceError(
-        f"its load factor was not found in {STEPS} steps: about {1 / value[-1]:.3g}"
-    )
+    raise ConvergenceError("buckling.load_factor", steps=STEPS, value=1 / value[-1])

@@ -108,9 +108,10 @@ class Contact:
         for k, surface in enumerate(self.surfaces):
             if surface.close(surface.too_large, u, self._shift(k), self.thickness).size:
                 raise InputError(
-                    f"obstacle {k + 1} is {obstacle_size(self.obstacles[k]):.3g} m in size, less "
-                    f"than a {MOST_CELLS * 2 * SPACING:.0f}th of a face that it touches: it would "
-                    "slip through; wanted a finer mesh"
+                    "contact.obstacle_size",
+                    k=k + 1,
+                    obstacle_size=obstacle_size(self.obstacles[k]),
+                    most_cells=MOST_CELLS * 2 * SPACING,
                 )
 
     def barrier(self, u: np.ndarray) -> float:

@@ -61,7 +61,7 @@ class Rayleigh:
         damping: Damping,
     ) -> None:
         if damping.stiffness and material.tensor is not None:
-            raise InputError("damping in proportion to stiffness knows no grain: wanted mass alone")
+            raise InputError("damping.damping_proportion")
         self.alpha, self.beta = damping.mass, damping.stiffness
         self.mass, self.grid = damping.mass * mass[:, None], grid
         lame = [grid.array(self.beta * np.asarray(m)) for m in material.lame]  # [Pa s]

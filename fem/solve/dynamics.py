@@ -118,7 +118,7 @@ class Dynamics:
         u = np.where(self.held.fixed, self.held.values, 0.0)
         v = np.where(self.held.fixed, 0.0, node_velocities(velocity, self.space))
         if not (gap := self.contact.gap(u)) > 0:
-            raise InputError(f"the body starts {-gap:g} m inside an obstacle: wanted a gap")
+            raise InputError("dynamics.body_starts", value=-gap)
         self._known: tuple[np.ndarray, Response] = (u, self.body.response(u))
         force = self.load - self.response(u).force - self.held.springs * u
         force += self.contact.forces(u, len(u))
@@ -221,9 +221,9 @@ class Dynamics:
         old, fixed = self.state.u, self.held.fixed
         start = np.where(fixed, old, self.contact.allowed(old))
         if not self.contact.gap(start) > 0:
-            raise ConvergenceError("an obstacle moves through the body: use a smaller step")
+            raise ConvergenceError("dynamics.obstacle_moves")
         if not self.contact.passes(old, start):
-            raise ConvergenceError("an obstacle presses the body through itself")
+            raise ConvergenceError("dynamics.obstacle_presses")
         ahead = np.where(fixed, old, step.target + self._forecast.next() / step.factor) - start
         u = start + min(1.0, self.contact.longest_step(start, ahead)) * ahead
         target = np.where(fixed, old, step.target)

@@ -12,6 +12,7 @@ from ..elements.space import affordable_order
 from ..errors import ConvergenceError, UsageError
 from ..laws.law import LAWS, Law
 from ..mesh import material_of
+from ..note import Note
 from ..scene.scene import Scene
 from .buckling import find_load_factor
 from .contact import barrier_thickness
@@ -58,12 +59,10 @@ class StaticMethod:
         Raises ConvergenceError: If the linear solve does not reach its tolerance.
         """
         if scene.obstacles or np.any(scene.velocity):
-            raise UsageError("statics knows neither obstacles nor velocities: solve by dynamics")
+            raise UsageError("equilibrium.statics_knows")
         acts = np.any(scene.gravity_vector) or scene.tractions or scene.held.values.any()
         if not (acts or (scene.forces is not None and np.any(scene.forces))):
-            raise UsageError(
-                "nothing acts on the body: gravity is zero, and there is no other load"
-            )
+            raise UsageError("equilibrium.nothing_acts")
         warnings = [*scene.warnings]
         loads = {
             "gravity_vector": scene.gravity_vector,
@@ -84,7 +83,7 @@ class StaticMethod:
         static = solve(order=order)
         factor, load_factor_unmade = None, ""  # of buckling, or why there is none
         if static.order == 1:
-            load_factor_unmade = "linear elements are far too stiff against it: --order 2"
+            load_factor_unmade = Note("equilibrium.linear_elements")
         else:
             try:
                 factor = find_load_factor(static, scene.held)
@@ -126,10 +125,7 @@ def _checked_strain(
     """Answer under ``law`` where the linear one strains or sinks too much; whether to trust it."""
     fraction = _largest(linear) / scene.longest
     if fraction > COLLAPSE:
-        warnings.append(
-            f"it collapses: the linear answer moves {fraction:.1f} times its longest side, which "
-            "says that it cannot stand, not how it lies"
-        )
+        warnings.append(Note("equilibrium.collapses_linear", fraction=fraction))
         return linear, False
     ground = scene.ground
     if ground is not None:  # so low that it does not push the body yet
@@ -138,9 +134,11 @@ def _checked_strain(
         lowered = ground.point - barrier_thickness(scene.mesh) * normal
         ground = replace(ground, point=tuple(lowered))
     if linear.max_strain > LINEAR_LIMIT:
-        why = f"the linear answer strains {linear.max_strain:.0%}, more than {LINEAR_LIMIT:.0%}: "
+        why = Note(
+            "equilibrium.linear_answer", max_strain=linear.max_strain, linear_limit=LINEAR_LIMIT
+        )
     elif ground and not ground.distance(scene.mesh.points + linear.displacement).gap.min() > 0:
-        why = "the linear answer sinks into the ground: "
+        why = Note("equilibrium.linear_answer_sinks")
     else:
         return linear, True
     title = LAWS[law].title
@@ -150,7 +148,7 @@ def _checked_strain(
     try:
         static = solve_nonlinear(scene.mesh, scene.held, **options, **loads)
     except ConvergenceError as error:
-        warnings.append(f"{why}it is not to be trusted, and Newton stopped ({title}: {error})")
+        warnings.append(Note("equilibrium.trusted_newton", why=why, title=title, error=error))
         return linear, False
-    warnings.append(f"{why}repeated with the {title} law")
+    warnings.append(Note("equilibrium.repeated_law", why=why, title=title))
     return static, True

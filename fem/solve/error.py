@@ -23,6 +23,7 @@ from ..elements.space import (
 from ..errors import ConvergenceError, InputError
 from ..material import mandel_tensor, mandel_vector
 from ..mesh import FACES, TetMesh, equal_faces, face_areas, material_of
+from ..note import Note
 from ..scene.loads import Traction
 from ..scene.supports import Supports
 from .modal import held_inverse, natural_modes, quick_order
@@ -32,7 +33,7 @@ from .result import BENDS_ALIKE, CUBIC, LOCKING, DiscretisationError, StaticResu
 FEW_UNKNOWNS = 20_000
 # Where no factor is affordable the estimate solves to this relative residual.
 ROUGH = 1e-3
-LINEAR_TAKEN = f"linear elements were taken: quadratic ones have over {LARGEST_P2:,} unknowns"
+LINEAR_TAKEN = Note("error.linear_elements", largest_p2=LARGEST_P2)
 
 
 class MotionElements(NamedTuple):
@@ -95,7 +96,7 @@ def find_discretisation_error(
     taken.
     """
     if supports.values.any():
-        why = "the largest displacement is a prescribed one, whatever the mesh"
+        why = Note("error.largest_displacement")
         return DiscretisationError(np.nan, "", why)
     largest = float(np.linalg.norm(result.displacement, axis=1).max())
     if result.order == 1:
@@ -104,7 +105,7 @@ def find_discretisation_error(
         try:
             fine = float(np.linalg.norm(solve(order=2).displacement, axis=1).max())
         except ConvergenceError as error:
-            return DiscretisationError(np.nan, "", f"quadratic elements gave no answer ({error})")
+            return DiscretisationError(np.nan, "", Note("error.quadratic_elements", error=error))
         return DiscretisationError(abs(largest - fine) / fine if fine > 0 else 0.0, "P1/P2")
     grid = discretise(result.mesh, 2)
     held = node_supports(supports, grid.space)

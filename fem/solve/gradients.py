@@ -140,7 +140,7 @@ def static_displacement(
     -1.0
     """
     if mesh.material is not None and mesh.material.tensor is not None:
-        raise InputError("a material with a grain has no gradient: wanted an isotropic one")
+        raise InputError("gradients.material_grain")
     grid = discretise(mesh, order or affordable_order(mesh), checked_device(device))
     held = node_supports(supports, grid.space)
     kept: dict[str, Any] = {}
@@ -224,14 +224,14 @@ def implicit_step(
     def forward(material: ElementMaterial) -> np.ndarray:
         body = make(mesh.with_material(material))
         if body.contact.obstacles:
-            raise InputError("a step with obstacles has no gradient: wanted a body without contact")
+            raise InputError("gradients.step_obstacles")
         kept.update(body=body, material=material)
         state = body.step(dt)
         if state.barrier > 0:
-            raise InputError("the body touches itself: a step with contact has no gradient")
+            raise InputError("gradients.body_touches")
         u = state.u
         if body.last_step is None or body.last_step.dt != dt:
-            raise InputError(f"the step of {dt:g} s was halved, so it has no gradient: take less")
+            raise InputError("gradients.step_halved", dt=dt)
         return u
 
     def backward(outer: np.ndarray) -> MaterialGradient:

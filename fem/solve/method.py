@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING, ClassVar, Protocol, TypeAlias, runtime_checkable
 
+from ..note import Note
 from ..registry import Registry
 
 if TYPE_CHECKING:
@@ -49,7 +50,7 @@ def halving_notes(halved: int, frames: int) -> tuple[str, ...]:
     """Say that steps were made of smaller ones: a motion damps less then, and differs."""
     if not halved:
         return ()
-    return (f"{halved} of {frames} steps did not converge and were made of smaller ones",)
+    return (Note("method.steps_converge", halved=halved, frames=frames),)
 
 
 METHODS: Registry[Method] = Registry(

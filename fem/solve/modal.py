@@ -157,7 +157,7 @@ def natural_modes(
     )
     unknowns, rigid = int(problem.free.sum()), problem.motions.shape[2]
     if count + rigid >= unknowns // 2:
-        raise InputError(f"{count} modes of a body with {unknowns} unknowns: wanted fewer modes")
+        raise InputError("modal.modes_body", count=count, unknowns=unknowns)
     matrix = problem.stiffness()
     plan = planned_elimination(matrix, problem.grid.space.edges)
     if plan.entries <= MOST_ENTRIES:
@@ -169,9 +169,7 @@ def natural_modes(
     size = np.linalg.norm(weighed * np.maximum(square, problem.slow), axis=0)
     residual = float((np.linalg.norm(wrong, axis=0) / size).max())
     if not residual < TOLERANCE:
-        raise ConvergenceError(
-            f"modes with residual {residual:.3g}: wanted < {TOLERANCE:g}; ask for fewer modes"
-        )
+        raise ConvergenceError("modal.modes_residual", residual=residual, tolerance=TOLERANCE)
     shapes = np.ascontiguousarray(x.T).reshape(count, -1, 3)
     return Modes(np.sqrt(np.maximum(square, 0.0)) / (2 * np.pi), shapes, residual)
 

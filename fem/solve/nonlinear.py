@@ -119,12 +119,14 @@ def minimise(
             (u, here), projected = moved, False
             logger.debug("Newton %d: residual %.3e N", iteration, size)
         elif projected:
-            raise ConvergenceError(f"Newton's line search failed at residual {size:.3g} N")
+            raise ConvergenceError("nonlinear.newtons_line", size=size)
         else:
             projected = True
     raise ConvergenceError(
-        f"Newton ended with residual {here.residual:.3g} N after {limit} iterations: wanted "
-        f"<= {tolerance * here.scale:.3g} N; use a smaller load or time step"
+        "nonlinear.newton_ended",
+        residual=here.residual,
+        limit=limit,
+        tolerance=tolerance * here.scale,
     )
 
 
@@ -181,8 +183,7 @@ def relax(
         dt *= SHORTER if fraction < CUT else LONGER if fraction > 1 - CUT else 1.0
         logger.debug("relaxation %d: dt %.2g s, residual %.3g N", step, dt, here.residual)
     raise ConvergenceError(
-        f"it did not come to rest in {RELAXATIONS} steps: the forces still differ by "
-        f"{here.residual / here.scale:.2g} of the load"
+        "nonlinear.come_rest", relaxations=RELAXATIONS, residual=here.residual / here.scale
     )
 
 
@@ -319,7 +320,7 @@ def solve_nonlinear(
     u[held.fixed] = held.values[held.fixed]
     contact = Contact(mesh, grid.space, obstacles, friction=0.0) if obstacles else None
     if contact and not contact.gap(u) > 0:
-        raise InputError(f"the body starts {-contact.gap(u):g} m inside an obstacle: wanted a gap")
+        raise InputError("nonlinear.body_starts", value=-contact.gap(u))
     # The load, or what the prescribed motion makes.
     scale = float(max(np.linalg.norm(load), np.linalg.norm(elastic.response(u).force))) or 1.0
     potential = Potential(elastic, load, held, scale, contact)
@@ -335,8 +336,7 @@ def solve_nonlinear(
     J = np.linalg.det(displacement_gradients(grid, minimum.u, where) + np.eye(3)).min(axis=1)
     if not (J > 0).all():
         raise ConvergenceError(
-            f"{int((~(J > 0)).sum())} of {len(J)} tets end inside out (J down to {J.min():.2g}): "
-            "the mesh is too coarse for so large a deformation, or it folds onto itself"
+            "nonlinear.tets_end", count=int((~(J > 0)).sum()), count_2=len(J), min=J.min()
         )
     pushed = load + contact.forces(minimum.u, len(minimum.u)) if contact else load
     residual = minimum.residual / scale

@@ -14,6 +14,7 @@ from jaxtyping import Bool, Float, Int
 from ..elements.elastic import von_mises
 from ..elements.space import Space
 from ..mesh import TetMesh, material_of
+from ..note import Note
 from ..scene.scene import Scene
 from .self_contact import ContactPressures, PieceForce
 
@@ -399,16 +400,14 @@ class ModelError(NamedTuple):
     @property
     def words(self) -> str:
         """The error in a few words."""
-        return f"about {100 * self.share:.2g} % of the motion, at most {self.largest:.2g} m"
+        return Note("result.about_motion", share=100 * self.share, largest=self.largest)
 
 
 def too_coarse(stiffening: float) -> str | None:
     """Say that linear elements are so many times too stiff [1] in bending; None where not."""
     if not stiffening > BENDS_ALIKE:
         return None
-    return (
-        f"the mesh is too coarse for linear elements: {stiffening:.2g} times too stiff in bending"
-    )
+    return Note("result.mesh_too", stiffening=stiffening)
 
 
 # A body strained by this share has an energy that is worth no word.

@@ -14,6 +14,7 @@ from ..elements.forces import edge_nodes
 from ..elements.space import Space
 from ..errors import InputError
 from ..mesh import TetMesh, area_vectors, material_of, piece_names, point_components
+from ..note import Note
 
 # Barrier stiffness as a fraction of the softest E: stiff against the body, soft enough for Newton.
 STIFFNESS_SHARE = 0.1
@@ -276,10 +277,7 @@ def ipc_toolkit() -> ModuleType:
     try:
         import ipctk
     except ImportError as error:
-        raise InputError(
-            "contact of a body with itself and of its pieces needs the package ipctk: "
-            "pip install ipctk, or leave it out by --no-self-contact (self_contact=False)"
-        ) from error
+        raise InputError("self_contact.contact_body") from error
     ipctk.set_logger_level(ipctk.LoggerLevel.off)
     ipctk.set_num_threads(1)
     return ipctk
@@ -339,14 +337,15 @@ def collision_surface(
     known, notes = piece_names(mesh), []
     if joint:
         notes.append(
-            f"{' and '.join(known[k] for k in joint)} overlap or touch at the start: "
-            "they are not kept apart, nor kept from themselves"
+            Note("self_contact.overlap_touch", known=" and ".join(known[k] for k in joint))
         )
     if walled:
         notes.append(
-            f"{' and '.join(known[k] for k in walled)}: faces nearer than "
-            f"{WALL * thickness * unit:.2g} m to each other at the start are taken as the two "
-            "sides of a wall and not kept apart"
+            Note(
+                "self_contact.faces_nearer",
+                known=" and ".join(known[k] for k in walled),
+                wall=WALL * thickness * unit,
+            )
         )
     return surface._replace(notes=tuple(notes))
 

@@ -30,6 +30,7 @@ from ..errors import ConvergenceError, InputError
 from ..laws.law import Law
 from ..linalg.solver import CHOLESKY, Solution, solve_system
 from ..mesh import MAX_COMPONENTS, TetMesh, face_components, free_motions, material_of
+from ..note import Note
 from ..scene.loads import Traction
 from ..scene.supports import Supports
 from .result import StaticResult
@@ -50,7 +51,7 @@ def discrete_problem(
     grid = discretise(mesh, order or affordable_order(mesh), checked_device(device))
     held = node_supports(supports, grid.space)
     if not (held.fixed.any() or held.springs.any()):
-        raise ConvergenceError("nothing holds the body: fix some points or add springs")
+        raise ConvergenceError("statics.nothing_holds")
     return grid, held, load_vector(mesh, grid, **loads)
 
 
@@ -138,21 +139,21 @@ def check_solution(mesh: TetMesh, held: Supports, solution: Solution, tolerance:
     if not solution.reached(tolerance):
         nu = float(material_of(mesh).nu.max())
         advice = (
-            f"nu = {nu:g} is nearly incompressible: take nu <= {COMPRESSIBLE:g} or fewer tets"
+            Note("statics.nu_nearly", nu=nu, compressible=COMPRESSIBLE)
             if nu > COMPRESSIBLE
-            else "check that every piece is held, that no tet is nearly flat, and that E is sane"
+            else Note("statics.check_every")
         )
-        thin = "the body is too thin for its length, or too stiff beside something soft"
+        thin = Note("statics.body_too")
         if not np.isfinite(solution.residual):
-            raise ConvergenceError(f"fp64 cannot factor the stiffness of the mesh: {thin}")
+            raise ConvergenceError("statics.fp_cannot", thin=thin)
         if solution.residual <= solution.floor:
-            raise ConvergenceError(
-                f"round-off of fp64 leaves the displacement known to {solution.change:.0%} only: "
-                f"{thin}"
-            )
+            raise ConvergenceError("statics.round_off", change=solution.change, thin=thin)
         raise ConvergenceError(
-            f"linear solve ended with relative residual {solution.residual:.3g} after "
-            f"{solution.iterations} iterations: wanted <= {tolerance:g}; {advice}"
+            "statics.linear_solve",
+            residual=solution.residual,
+            iterations=solution.iterations,
+            tolerance=tolerance,
+            advice=advice,
         )
 
 
@@ -163,10 +164,7 @@ def check_held(mesh: TetMesh, held: Supports) -> None:
     points = len(mesh.points)
     free = free_motions(mesh, (held.fixed | (held.springs > 0))[:points]).components
     if free.size:
-        raise ConvergenceError(
-            f"{free.size} piece(s) of the body can move freely (the first is piece {free[0]}): "
-            "hold three points that span a plane, or tie the pieces together"
-        )
+        raise ConvergenceError("statics.piece_body", size=free.size, free=free[0])
 
 
 def static_result(
@@ -235,7 +233,7 @@ def nodal_stress(result: StaticResult) -> Float[np.ndarray, "points 3 3"]:
     [10000.0, 10000.0]
     """
     if result.law != Law.LINEAR:
-        raise InputError(f"nodal stress of the law {result.law!r}: wanted {Law.LINEAR.value!r}")
+        raise InputError("statics.nodal_stress", law=result.law, value=Law.LINEAR.value)
     mesh = result.mesh
     stress = corner_stresses(result).reshape(-1, 9)
     ids, weight = mesh.tets.ravel(), np.repeat(mesh.volumes, 4)

@@ -12,6 +12,7 @@ from ..elements.assembly import discretise
 from ..elements.forces import load_vector
 from ..errors import UsageError
 from ..mesh import face_areas, material_of
+from ..note import Note
 from ..scene.obstacles import Plane
 from ..scene.scene import Scene
 from ..solve.result import Motion
@@ -136,30 +137,23 @@ def spring_body(
         inside = far & (mesh.region == k)
         if inside.any():
             mean = float(np.average(material.nu[inside], weights=mesh.volumes[inside]))
-            notes.append(f"{name}: springs take nu = {CAUCHY_NU:g}, its material has {mean:.3g}")
+            notes.append(Note("body.springs_take", name=name, cauchy_nu=CAUCHY_NU, mean=mean))
     for name, layers in zip(mesh.region_names, placed.layers, strict=True):
         if layers < LAYERS:
-            notes.append(
-                f"{name}: about {layers:.1f} anchors thick, may bend wrongly below {LAYERS:g}: "
-                "more --anchors"
-            )
+            notes.append(Note("body.about_anchors", name=name, layers=layers, layers_2=LAYERS))
     if placed.layers.min() < HINGES:
         wave = float(np.sqrt((placed.E / mesh.mass * mesh.volume).min())) / diagonal
         if network_frequencies(network, network.stiffness())[0] < SLACK * wave:
-            notes.append(
-                "pieces of it turn freely: parts too thin for so few anchors: more --anchors"
-            )
+            notes.append(Note("body.pieces_turn"))
     if network.bridges:
-        notes.append(f"{network.bridges} springs leave the body: without them pieces fall apart")
+        notes.append(Note("body.springs_leave", bridges=network.bridges))
     if material.tensor is not None:
-        notes.append("wood is taken as stiff across its grain as along it: springs know no grain")
+        notes.append(Note("body.wood_taken"))
     contact = None
     if scene.obstacles:
         planes = tuple(o for o in scene.obstacles if isinstance(o, Plane))
         if len(planes) < len(scene.obstacles):
-            raise UsageError(
-                "springs meet planes alone: --solver fem knows boxes, balls and capsules"
-            )
+            raise UsageError("body.springs_meet")
         used = np.unique(faces)
         area = np.bincount(faces.ravel(), np.repeat(face_areas(mesh.points, faces) / 3, 3))[used]
         E = np.zeros(len(mesh.points))

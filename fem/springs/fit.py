@@ -12,6 +12,7 @@ from jaxtyping import Float
 
 from ..errors import ConvergenceError, InputError, UsageError
 from ..mesh import material_of
+from ..note import Note
 from ..solve.method import FrameProgress
 from .body import SpringBody
 from .method import COST, PATIENCE
@@ -71,15 +72,9 @@ def spring_warnings(fit: SpringFit) -> tuple[str, ...]:
     """What to say where a fit is not what it looks like."""
     warnings = []
     if abs(fit.surface) >= STEEPEST:
-        warnings.append(
-            f"the springs' profile ended at its limit, {np.exp(STEEPEST):.0f} times from middle to "
-            "surface: the motion wants what springs cannot do"
-        )
+        warnings.append(Note("fit.springs_profile", exp=np.exp(STEEPEST)))
     if not fit.error <= FOLLOWED:
-        warnings.append(
-            f"the springs do not follow the motion: {fit.error:.0%} off after the fit (limit "
-            f"{FOLLOWED:.0%}); more --anchors, or a motion of more frames in a period"
-        )
+        warnings.append(Note("fit.springs_follow", error=fit.error, followed=FOLLOWED))
     return tuple(warnings)
 
 
@@ -91,13 +86,10 @@ def scale_to_frequency(
     ``InputError`` where no scale does: pieces of the network turn freely.
     """
     if not wanted > 0:
-        raise InputError(f"a first frequency of {wanted:g} Hz: wanted > 0")
+        raise InputError("fit.first_frequency", wanted=wanted)
     frequency = float(network_frequencies(network, network.stiffness(eta, surface=surface))[0])
     if not LOOSE * frequency > wanted:
-        raise InputError(
-            f"the springs' first frequency is {frequency:.2g} Hz, {wanted:.2g} Hz is wanted: "
-            "pieces turn freely, wanted more anchors"
-        )
+        raise InputError("fit.springs_first", frequency=frequency, wanted=wanted)
     return (wanted / frequency) ** 2
 
 
@@ -225,7 +217,7 @@ def _gauss_newton(
         p, here, age = p + move, there, age + 1
         if not gained or here @ here < EXACT**2:
             return p, float(np.linalg.norm(here)), runs
-    raise ConvergenceError(f"the fit of k does not settle within {MOST} steps")
+    raise ConvergenceError("fit.fit_settle", most=MOST)
 
 
 # How far springs are from a motion, which every step of a fit asks.
@@ -264,14 +256,12 @@ class SpringMisfit:
         mesh = body.scene.mesh
         target = self.target
         if target.ndim != 3 or not len(target) or target.shape[1:] != mesh.points.shape:
-            raise InputError(
-                f"a motion of shape {target.shape}: wanted (frames, {len(mesh.points)}, 3)"
-            )
+            raise InputError("fit.motion_shape", shape=target.shape, count=len(mesh.points))
         quarter = (material_of(mesh).rho * mesh.volumes / 4).repeat(4)
         weight = np.sqrt(np.bincount(mesh.tets.ravel(), quarter, len(mesh.points)))[:, None]
         size = float(np.linalg.norm(weight * target))
         if not size > 0:
-            raise InputError("nothing moves in the motion: there is nothing to fit to")
+            raise InputError("fit.nothing_moves")
         self.weight = weight / size
         self.motions, self.announce, self.progress = 0, announce, progress
 
@@ -286,14 +276,10 @@ class SpringMisfit:
         steps = self.steps * len(self.target)
         seconds = USUAL * 2 * COST * len(stiffness) * steps
         if seconds > PATIENCE:
-            raise UsageError(
-                f"a fit takes some {USUAL} motions of {steps:,} steps, so stiff the springs are: "
-                f"some {seconds / 3600:.1f} hours; fewer --anchors, a shorter or softer motion, or "
-                "--solver lbs"
-            )
+            raise UsageError("fit.fit_takes", usual=USUAL, steps=steps, seconds=seconds / 3600)
         logger.info("a motion of %s steps takes some %.0f s", f"{steps:,}", seconds / USUAL)
         if self.announce is not None and not self.motions:
-            plan = f"{len(stiffness):,} springs, about {USUAL} motions of {steps:,} steps"
+            plan = Note("fit.springs_about", count=len(stiffness), usual=USUAL, steps=steps)
             self.announce(f"{plan}: some {seconds:,.0f} s")
         out = np.empty_like(self.target)
         for frame in range(len(out)):

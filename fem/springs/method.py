@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ..errors import UsageError
+from ..note import Note
 from ..scene.scene import Scene
 from ..solve.method import FrameProgress
 from ..solve.result import MotionResult
@@ -66,7 +67,7 @@ class SpringMethod:
         Raises ConvergenceError: Where the steps turn out unstable.
         """
         if law is not None or order is not None:
-            raise UsageError("springs have no elements and no law: leave law and order out")
+            raise UsageError("method.springs_elements")
         body = spring_body(scene, self.anchors, self.neighbours, seed=self.seed)
         frames = checked_count("frames", scene.frames)
         dt = checked_positive("duration", scene.duration, "s") / frames
@@ -75,12 +76,13 @@ class SpringMethod:
         seconds = 2 * COST * springs * steps
         if seconds > PATIENCE and device == "cpu":
             raise UsageError(
-                f"springs as stiff as these need steps of {motion.longest_step:.2g} s: "
-                f"{steps:,.0f} steps, some {seconds / 3600:,.0f} hours; --solver lbs or fem, or "
-                "fewer --anchors"
+                "method.springs_stiff",
+                longest_step=motion.longest_step,
+                steps=steps,
+                seconds=seconds / 3600,
             )
         count = len(motion.network.anchors.x)
-        plan = f"{count:,} anchors, {springs:,} springs, about {steps:,} steps"
+        plan = Note("method.anchors_springs", count=count, springs=springs, steps=steps)
         if device == "cpu":
             plan = f"{plan}: some {seconds:,.0f} s"
         if self.announce is not None:

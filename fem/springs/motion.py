@@ -233,9 +233,10 @@ class SpringMotion:
             energy = self._kinetic + self.elastic
         if not energy <= EXCESS * given:
             raise ConvergenceError(
-                f"the springs hold {energy:.2g} J at {float(self._now.clock.numpy()[0]):.3g} s, "
-                f"{given:.2g} J were put in: their steps are unstable; wanted a smaller load or "
-                "speed, or --solver fem"
+                "motion.springs_hold",
+                energy=energy,
+                numpy=float(self._now.clock.numpy()[0]),
+                given=given,
             )
 
     @property
@@ -322,7 +323,7 @@ def network_frequencies(
     free = ~anchors.fixed & (anchors.mass > 0)[:, None]
     skipped = 0 if anchors.fixed.any() else RIGID
     if count + skipped >= free.sum():
-        raise InputError(f"{count} frequencies of {free.sum()} unknowns: wanted fewer")
+        raise InputError("motion.frequencies_unknowns", count=count, count_2=free.sum())
     heavy = np.where(anchors.mass > 0, anchors.mass, np.inf)
     root, pattern = free / np.sqrt(heavy)[:, None], network.pattern
     row = np.repeat(np.arange(len(root)), np.diff(pattern.rows.numpy()))

@@ -63,7 +63,9 @@ class SpringNetwork:
 
         x, body, count = anchors.x, anchors.body, len(anchors.x)
         if not 3 < neighbours < count:
-            raise InputError(f"{neighbours} neighbours of {count} anchors: wanted 4 to {count - 1}")
+            raise InputError(
+                "network.neighbours_anchors", neighbours=neighbours, count=count, count_2=count - 1
+            )
         # Of the nearest candidates those that are seen, by rank
         wide = min(CANDIDATES * neighbours, count - 1)
         b = np.asarray(KDTree(x).query(x, wide + 1)[1])[:, 1:]
@@ -263,7 +265,7 @@ def sample_anchors(
     Raises InputError: Where fewer than ``LEAST`` anchors are asked for.
     """
     if count < LEAST:
-        raise InputError(f"{count} anchors: wanted at least {LEAST}")
+        raise InputError("network.anchors_wanted", count=count, least=LEAST)
     from scipy.spatial import KDTree
 
     rng = np.random.default_rng(seed)

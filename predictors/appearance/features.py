@@ -254,7 +254,7 @@ def nearest_known(
     from scipy.spatial import KDTree
 
     if not known.any():
-        raise InputError("no cell of the surface is known: nothing to take features from")
+        raise InputError("features.cell_surface")
     label = np.zeros(len(cells), dtype=np.int64) if label is None else label
     own = np.isin(label, np.unique(label[known]))
     row = np.arange(len(cells))

@@ -88,17 +88,18 @@ def lift(
 
     if density.shape != grid.shape or len(features) != len(cameras):
         raise InputError(
-            f"density {density.shape} on grid {grid.shape}, {len(features)} pictures with "
-            f"{len(cameras)} cameras: wanted equal shapes and counts"
+            "lifting.density_grid",
+            shape=density.shape,
+            shape_2=grid.shape,
+            count=len(features),
+            count_2=len(cameras),
         )
     rays = pixel_rays(features, cameras, opacity)
     cells = np.argwhere(density > 0)
     matrix = ray_weights(rays, density, grid)
     met = np.asarray(matrix.sum(axis=1)).ravel() >= MET
     if not met.any():
-        raise InputError(
-            f"none of {len(met)} rays meets the object: do the cameras look at it, in metres?"
-        )
+        raise InputError("lifting.none_rays", count=len(met))
     wanted = rays.features[met].astype(np.float32)
     # Rows of sum 1: the feature of a picture is that of what the ray met.
     matrix = matrix[met]

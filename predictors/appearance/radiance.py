@@ -172,9 +172,7 @@ def silhouette_bounds(views: Views) -> Float[np.ndarray, "2 3"]:
     grid = Grid.around(np.stack([center - reach, center + reach]), cells=HULL_CELLS, pad=0)
     cells = np.argwhere(silhouette_hull(views, grid))
     if not len(cells):
-        raise InputError(
-            "the silhouettes have nothing in common: are the photographs' cameras and alpha right?"
-        )
+        raise InputError("radiance.silhouettes_nothing")
     low, high = grid.to_world(cells.min(axis=0)), grid.to_world(cells.max(axis=0))
     return np.stack([low - HULL_PAD * grid.h, high + HULL_PAD * grid.h])
 

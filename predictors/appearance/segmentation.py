@@ -76,7 +76,7 @@ def segment(
     encoder: The encoder that made the features.
     """
     if len(keywords) < 2:
-        raise UsageError(f"segmentation needs at least two keywords, got {list(keywords)}")
+        raise UsageError("segmentation.segmentation_needs", keywords=list(keywords))
     norm = np.linalg.norm(values, axis=1, keepdims=True)
     cosine = (values / np.maximum(norm, FLAT)) @ encoder.text(keywords).T
     # Without its mean a word that is near to everything would take all cells.
@@ -94,7 +94,7 @@ def best_segmentation(
 ) -> Segmentation:
     """Segment with every set of keywords and return the most coherent result."""
     if not keyword_sets:
-        raise UsageError("segmentation needs at least one set of keywords, got none")
+        raise UsageError("segmentation.segmentation_needs_least")
     tried = [segment(values, cells, keywords, encoder) for keywords in keyword_sets]
     return max(tried, key=lambda segmentation: segmentation.coherence.score)
 

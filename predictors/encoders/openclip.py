@@ -36,10 +36,7 @@ class OpenClip:
         try:
             import open_clip  # type: ignore[import-not-found]  (an extra)
         except ImportError as error:
-            raise InputError(
-                f"the encoder openclip needs a package that is not installed ({error.name}): "
-                "`pip install autophyx-tet[openclip]`, or use --encoder embedded"
-            ) from error
+            raise InputError("openclip.encoder_openclip", name=error.name) from error
         weights = _weights_file(open_clip, model, pretrained)
         network = open_clip.create_model(model, pretrained=str(weights), device=device)
         self._use(network, open_clip.get_tokenizer(model))
@@ -60,10 +57,7 @@ class OpenClip:
 
     def _use(self, network: Any, tokenizer: Any) -> None:
         if not hasattr(network.visual, "transformer"):
-            raise InputError(
-                f"the picture side is a {type(network.visual).__name__}, wanted a ViT, whose "
-                "patches have values: choose a model whose name starts with ViT"
-            )
+            raise InputError("openclip.picture_side", name=type(network.visual).__name__)
         self._network, self._tokenizer = network.eval(), tokenizer
         self.dim = int(network.visual.proj.shape[1])
 
@@ -141,8 +135,10 @@ def _weights_file(open_clip: Any, model: str, pretrained: str) -> Path:
     if not hub:
         known = open_clip.list_pretrained_tags_by_model(model)
         raise InputError(
-            f"openclip weights must be a file or a tag of {model}, got {pretrained!r}; its tags "
-            f"are {', '.join(known) or 'none'}"
+            "openclip.openclip_weights",
+            model=model,
+            pretrained=pretrained,
+            value=", ".join(known) or "none",
         )
     from huggingface_hub import try_to_load_from_cache
 
@@ -151,7 +147,9 @@ def _weights_file(open_clip: Any, model: str, pretrained: str) -> Path:
         if isinstance(found, str):
             return Path(found)
     raise InputError(
-        f"the weights {model}/{pretrained} are not on this machine, and nothing is downloaded "
-        f"unasked: run `hf download {hub} {CACHED_NAMES[0]}` once, or name a file: "
-        "--encoder openclip:FILE, or use --encoder embedded"
+        "openclip.weights_machine",
+        model=model,
+        pretrained=pretrained,
+        hub=hub,
+        cached_names=CACHED_NAMES[0],
     )

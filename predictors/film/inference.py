@@ -359,7 +359,7 @@ def load_checkpoint(path: Path) -> FilmUNet:
             normalisation = Normalisation.from_dict(json.loads(facts["normalisation"]))
             tensors = {key: file.get_tensor(key).float() for key in file.keys()}
     except (SafetensorError, OSError, KeyError, TypeError, ValueError) as error:
-        raise InputError(f"{path} is not a checkpoint of the FiLM network: {error}") from error
+        raise InputError("inference.checkpoint_film", path=path, error=error) from error
     network = FilmUNet(config, normalisation=normalisation)
     network.load_state_dict(tensors)
     return network.eval()

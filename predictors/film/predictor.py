@@ -10,6 +10,7 @@ from typing import ClassVar, NamedTuple
 
 import numpy as np
 
+from ...fem.note import Note
 from ...fem.table import FIELDS, MaterialTable, MaterialValue
 from ..appearance.features import Appearance
 from ..asset import UpAxis
@@ -131,7 +132,7 @@ class FilmPredictor:
         binding = Binding(text, share, int(cells.sum()), spread, certainty)
         why = f"network: {'nothing text' if text is None else repr(text)}"
         if certainty is not None:
-            why += f", right in about {10 * certainty:.0f} of 10 such cases"
+            why += Note("predictor.right_about", certainty=10 * certainty)
         if clause is not None and clause.material:
             choice = self.lookup.of_clause(words.part, clause, why)
             return replace(

@@ -11,6 +11,7 @@ from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import get_args
 
+from ...fem.note import Note
 from ...fem.table import FIELDS, Material, MaterialTable, MaterialValue, Span, key, load_contents
 from ..prediction import PartChoice
 from ..text.clauses import Clause, Degree, names_object
@@ -147,8 +148,13 @@ class Decider:
         first, *others = named or [""]
         if others:
             notes.append(
-                f"part {part.name!r}: the text names {' and '.join(map(repr, named))} for it; "
-                f"{first!r} is taken, {', '.join(map(repr, others))} not"
+                Note(
+                    "decision.part_text",
+                    name=part.name,
+                    map=" and ".join(map(repr, named)),
+                    first=first,
+                    map_2=", ".join(map(repr, others)),
+                )
             )
         notes += [
             f"part {part.name!r}: {doubt}" for doubt in dict.fromkeys(statement.all("doubts"))
@@ -200,15 +206,17 @@ class Decider:
             why = f"name: {part.material_label!r}"
             doubts = _kind_taken(part, statement, label)
             if statement.whole and naming and naming.material != label.name:
-                wins = f"its name, {label.name}, wins: the text says {naming.material}"
+                wins = Note("decision.name_wins", name=label.name, material=naming.material)
                 doubts = (*doubts, f"part {part.name!r}: {wins}")
             known = statement.unknown is None
             return _choice(part, label, why, clause=deciding, settled=known, doubts=doubts)
         coating = statement.first("coating")
         if coating and key(coating) in self.table.phrases and not label:
             row = self.table.exact(coating)
-            doubt = f"part {part.name!r}: only what covers it is said, {row.name}: taken as its own"
-            return _choice(part, row, f"{coating}, which covers it", guessed=True, doubts=(doubt,))
+            doubt = Note("decision.part_only", name=part.name, name_2=row.name)
+            return _choice(
+                part, row, Note("decision.covers", coating=coating), guessed=True, doubts=(doubt,)
+            )
         if deciding is None or statement.unknown is not None:
             # Choose the row nearest in meaning to the part's name; the common ones if all are far
             query = _query(part, statement)
@@ -260,12 +268,11 @@ class Decider:
         names = {row.name for row in rows}
         common = names & usual or names
         near = self.kernel.nearest(_query(part, statement), among=names, common=common)
-        doubt = (
-            f"part {part.name!r}: no material here is all that {deciding.text!r} says: "
-            f"{near.row.name} is no more than the nearest in meaning"
+        doubt = Note(
+            "decision.part_material", name=part.name, text=deciding.text, name_2=near.row.name
         )
         return _choice(
-            part, near.row, f"{deciding.text!r}, nearest in meaning", clause=deciding,
+            part, near.row, Note("decision.nearest_meaning", text=deciding.text), clause=deciding,
             weight=near.share, guessed=True, settled=not statement.open,
             doubts=() if fitting else (doubt,),
         )  # fmt: skip
@@ -301,8 +308,8 @@ def _kind_taken(part: NamedPart, statement: PartStatement, row: Material) -> tup
     """That a row stands for a kind of matter; generic rows span theirs."""
     naming = statement.naming
     if naming and naming.kind and "generic" not in row.name:
-        kind = f"{naming.phrase!r} is a kind of matter"
-        return (f"part {part.name!r}: {kind}, taken as {row.name}",)
+        kind = Note("decision.kind_matter", phrase=naming.phrase)
+        return (Note("decision.part_taken", name=part.name, value=kind, name_2=row.name),)
     return ()
 
 

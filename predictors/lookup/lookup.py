@@ -18,6 +18,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ...fem.errors import UsageError
+from ...fem.note import Note
 from ...fem.table import Material, MaterialTable, MaterialValue, key, load_contents, load_table
 from ..appearance.features import Appearance
 from ..asset import UpAxis
@@ -179,7 +180,9 @@ class Lookup:
             said = parse(free, self.table, [parts[i].name])
             clauses = said.clauses or (Clause(free, (0, len(free)), _WHOLE),)
             statements[i] = PartStatement(clauses, override=free)
-            warnings += [f"--part {name}: {line}" for line in (*said.notes, *_unread(said))]
+            warnings += [
+                Note("lookup.part", name=name, line=line) for line in (*said.notes, *_unread(said))
+            ]
         # What every part's name is against speaks of nothing else than these parts.
         if all(map(self._decider.keeps_name, parts, statements)):
             statements = [replace(said, whole=False) for said in statements]
@@ -192,7 +195,7 @@ def _unread(sentence: Sentence) -> Iterator[str]:
     left = [word for word in sentence.unread if not any(repr(word) in line for line in noted)]
     if left:
         words = ", ".join(map(repr, left))
-        yield f"not understood in the text, and not used: {words}"
+        yield Note("lookup.understood_text", words=words)
 
 
 def _index(name: str, parts: Sequence[NamedPart]) -> int:
@@ -204,8 +207,8 @@ def _index(name: str, parts: Sequence[NamedPart]) -> int:
     if len(alike) == 1:
         return alike[0]
     near = difflib.get_close_matches(key(name), [key(other) for other in names], n=1)
-    hint = f"; did you mean {near[0]!r}?" if near else ""
-    raise UsageError(f"the asset has no part {name!r}: its parts are {', '.join(names)}{hint}")
+    hint = Note("lookup.you_mean", near=near[0]) if near else ""
+    raise UsageError("lookup.asset_part", name=name, names=", ".join(names), hint=hint)
 
 
 # Clauses about parts that no part is called after: given to the parts that nothing speaks of.
@@ -280,7 +283,7 @@ def with_relations(
         ready = [i for i in waiting if not any(k in waiting for ks in others[i] for k in ks)]
         if not ready:
             names = ", ".join(repr(out[i].part) for i in waiting)
-            notes.append(f"parts {names} are compared with each other in a circle: not used")
+            notes.append(Note("lookup.parts_compared", names=names))
             break
         for i in ready:
             for relation, found in zip(relations[i], others[i], strict=True):
@@ -293,8 +296,9 @@ def with_relations(
                     out[i] = _related(out[i], relation, beside, named=named[i])
                 else:
                     notes.append(
-                        f"part {out[i].part!r} is compared with {' '.join(relation.other)!r}, "
-                        "and no part is called so: not used"
+                        Note(
+                            "lookup.part_compared", part=out[i].part, other=" ".join(relation.other)
+                        )
                     )
         for i in ready:
             del waiting[i]
@@ -320,10 +324,11 @@ def _related(
         wanted = min(max(wanted, span.min), span.max)
     if named and not relation.exact and ((own >= wanted) if more else (own <= wanted)):
         return choice
-    how = (
-        f"{measure} = {wanted:.3g}, {relation.factor:.3g} times that of {reference.name}: "
-        f"{'said so' if relation.exact else 'only more or less is said'}"
-    )
+    numbers = {"measure": measure, "wanted": wanted, "factor": relation.factor}
+    if relation.exact:
+        how = Note("lookup.times_exact", **numbers, name=reference.name)
+    else:
+        how = Note("lookup.times_more_or_less", **numbers, name=reference.name)
     return replace(
         choice, value=choice.value._replace(**{measure: wanted}),
         derivation=(*choice.derivation, how),

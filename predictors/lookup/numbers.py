@@ -8,6 +8,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from ...fem.errors import UsageError
+from ...fem.note import Note
 from ...fem.table import CATEGORIES, FIELDS, NU_CAP, Material, MaterialValue, Span, stated_material
 from ..prediction import PartChoice
 from ..text.numerals import Blend, Quantity, wall_said
@@ -55,8 +56,8 @@ def modulus_of_shore_a(hardness: float) -> Derived:
     """
     E = 1e6 * 0.0981 * (56 + 7.62336 * hardness) / (0.137505 * (254 - 2.54 * min(hardness, 99.0)))
     low, high = GENT_RANGE
-    inside = "" if low <= hardness <= high else f", outside its {low:g} to {high:g}"
-    return Derived(E, f"E = {E / 1e6:.3g} MPa from Shore A {hardness:g} by Gent's relation{inside}")
+    inside = "" if low <= hardness <= high else Note("numbers.outside", low=low, high=high)
+    return Derived(E, Note("numbers.mpa_shore", e=E / 1e6, hardness=hardness, inside=inside))
 
 
 def modulus_of_shore_d(hardness: float) -> Derived:
@@ -66,17 +67,14 @@ def modulus_of_shore_d(hardness: float) -> Derived:
     """
     E = 1e6 * 10 ** (0.0235 * (hardness + 50) - 0.6403)
     low, high = QI_RANGE_D
-    inside = "" if low <= hardness <= high else f", outside its {low:g} to {high:g}"
-    return Derived(E, f"E = {E / 1e6:.3g} MPa from Shore D {hardness:g} by Qi's relation{inside}")
+    inside = "" if low <= hardness <= high else Note("numbers.outside", low=low, high=high)
+    return Derived(E, Note("numbers.mpa_shore_qis", e=E / 1e6, hardness=hardness, inside=inside))
 
 
 def of_infill(solid: MaterialValue, share: float) -> tuple[MaterialValue, str]:
     """Value of a print filled to ``share`` (0, 1]: Gibson and Ashby's open cells, E ~ share^2."""
     value = solid._replace(E=solid.E * share**2, rho=solid.rho * share)
-    how = (
-        f"{share:.0%} infill: E = {value.E:.3g} Pa, rho = {value.rho:.3g} kg/m3 as open cells "
-        "(Gibson and Ashby); solid walls are not counted"
-    )
+    how = Note("numbers.infill_pa", share=share, e=value.E, rho=value.rho)
     return value, how
 
 
@@ -95,10 +93,7 @@ def with_fibres(matrix: MaterialValue, fibre: str, share: float) -> tuple[Materi
     length = 1 - math.tanh(x) / x
     E = ALONG * length * volume * kind.E + (1 - volume) * matrix.E
     value = matrix._replace(E=E, rho=volume * kind.rho + (1 - volume) * matrix.rho)
-    how = (
-        f"{share:.0%} of short {fibre} fibres by mass: E = {value.E:.3g} Pa, "
-        f"rho = {value.rho:.4g} kg/m3 by Cox and Krenchel, along the flow of the mould"
-    )
+    how = Note("numbers.short_fibres", share=share, fibre=fibre, e=value.E, rho=value.rho)
     return value, how
 
 
@@ -145,16 +140,26 @@ def with_numbers(
     stress = said.get("E")
     if named and stress and not stress.called and not _near(row.E, stress.value):
         warnings.append(
-            f"part {part!r}: {stress.text!r} is no modulus of {row.name} "
-            f"({row.E.min:.3g} to {row.E.max:.3g} Pa): not used; write E = ... if it is one"
+            Note(
+                "numbers.part_modulus",
+                part=part,
+                text=stress.text,
+                name=row.name,
+                min=row.E.min,
+                max=row.E.max,
+            )
         )
         del said["E"]
     if blend is not None:
         fibre = next((name for name in FIBRES if name in blend.material), None)
         if fibre is None:
             warnings.append(
-                f"part {part!r}: what {blend.share:.0%} of {blend.material!r} changes is not known "
-                "here: the values are those without it; state E and rho if you know them"
+                Note(
+                    "numbers.part_changes_known",
+                    part=part,
+                    share=blend.share,
+                    material=blend.material,
+                )
             )
         else:
             value, line = with_fibres(value, fibre, blend.share)
@@ -172,19 +177,14 @@ def with_numbers(
         value = _of_mass(part, row, value, said["mass"], volume, how, warnings, named=named)
         weighed = value != before
     if "thickness" in said and not wall_said(part, [said["thickness"]]):
-        warnings.append(
-            f"part {part!r}: {said['thickness'].text!r} changes nothing here: the geometry is "
-            'taken as it is ("2 mm walls" and --part-wall hollow a part)'
-        )
+        warnings.append(Note("numbers.part_changes", part=part, text=said["thickness"].text))
     exact = {name: said[name].value for name in ("E", "nu", "rho") if name in said}
     if exact:
         how.append(", ".join(said[name].text for name in exact) + " as said")
     value = value._replace(**exact)
     if not -1 < value.nu < 0.5:  # a solver takes no other
         kept = NU_CAP if value.nu >= 0.5 else -0.99
-        warnings.append(
-            f"part {part!r}: nu = {value.nu:g} is no elastic solid's (-1 < nu < 0.5): {kept:g} used"
-        )
+        warnings.append(Note("numbers.part_nu", part=part, nu=value.nu, kept=kept))
         value = value._replace(nu=kept)
     stated = tuple(name for name in FIELDS if name in exact or (weighed and name == "rho"))
     return Said(value, tuple(how), tuple(warnings), stated)
@@ -238,12 +238,20 @@ def _one_each(part: str, numbers: Sequence[Quantity], warnings: list[str]) -> di
         texts = ", ".join(repr(number.text) for number in others)
         if max(values) > SAME * min(values):
             warnings.append(
-                f"part {part!r}: {measure} is said twice, {called[0].text!r} and {texts}: not used"
+                Note(
+                    "numbers.part_said",
+                    part=part,
+                    measure=measure,
+                    text=called[0].text,
+                    texts=texts,
+                )
             )
             continue
         chosen[measure] = called[0]
         if others:
-            warnings.append(f"part {part!r}: {texts} beside {called[0].text!r} is not used")
+            warnings.append(
+                Note("numbers.part_beside", part=part, texts=texts, text=called[0].text)
+            )
     return chosen
 
 
@@ -260,17 +268,25 @@ def _of_mass(
 ) -> MaterialValue:
     """Density of a mass over the volume; where no matter of the kind has it, the row's, told."""
     if not volume > 0:
-        warnings.append(f"part {part!r}: {mass.text!r} is not used: its volume is not known")
+        warnings.append(Note("numbers.part_used", part=part, text=mass.text))
         return value
     rho = mass.value / volume
     low, high = CATEGORIES[row.category].rho
     if low <= rho <= high and (not named or _near(row.rho, rho)):
-        how.append(f"rho = {rho:.4g} kg/m3 from {mass.text} over {volume:.3g} m3")
+        how.append(Note("numbers.rho_kg", rho=rho, text=mass.text, volume=volume))
         return value._replace(rho=rho)
     what, (low, high) = (row.name, row.rho) if named else (row.category, (low, high))
     warnings.append(
-        f"part {part!r}: {mass.text!r} over {volume:.3g} m3 is {rho:.3g} kg/m3, which no matter "
-        f"like {what!r} has ({low:g} to {high:g}): not used; is it hollow (--wall), or --size?"
+        Note(
+            "numbers.part_over",
+            part=part,
+            text=mass.text,
+            volume=volume,
+            rho=rho,
+            what=what,
+            low=low,
+            high=high,
+        )
     )
     return value
 
@@ -287,13 +303,13 @@ def numbers_of_parts(options: Sequence[str]) -> dict[str, dict[str, float]]:
         name, colon, rest = option.rpartition(":")
         items = [item.partition("=") for item in rest.split(",")]
         if not (colon and name.strip()) or {key.strip() for key, *_ in items} - set(FIELDS):
-            raise UsageError(f"wanted PART:E=2e9,nu=.3,rho=1100 (one or more), got {option!r}")
+            raise UsageError("numbers.wanted_part", option=option)
         try:
             numbers = {key.strip(): float(value) for key, _, value in items}
         except ValueError as error:
-            raise UsageError(f"wanted numbers in SI units, got {option!r}: {error}") from error
+            raise UsageError("numbers.wanted_numbers", option=option, error=error) from error
         for key, (low, high) in SETTABLE.items():
             if key in numbers and not low < numbers[key] < high:
-                raise UsageError(f"{key} must lie between {low:g} and {high:g}, got {option!r}")
+                raise UsageError("numbers.must_lie", key=key, low=low, high=high, option=option)
         found.setdefault(name.strip(), {}).update(numbers)
     return found

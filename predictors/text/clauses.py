@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal, NamedTuple
 
+from ...fem.note import Note
 from .lexicon import HEAD, LABEL, WORD, PartLabels, PartMatch, known_parts, part_words, parts_named
 from .numerals import Blend, Comparison, Quantity
 
@@ -192,9 +193,7 @@ def bind(sentence: Sentence, labels: Sequence[Sequence[str]]) -> Bound:
         # A doubt where it speaks of fewer parts than are called so: "3 of the legs"
         count, there = clause.subject.count, sum(k in part.clauses for part in bound)
         if count is not None and count < there and there != 1:
-            doubt = (
-                f"{count or 'some'} of {there} such parts are spoken of, and not which: all have it"
-            )
+            doubt = Note("clauses.such_parts", value=count or "some", there=there)
             clause = replace(clause, doubts=(*clause.doubts, doubt))
         counted.append(clause)
     return Bound(replace(sentence, clauses=tuple(counted)), tuple(bound), tuple(left))

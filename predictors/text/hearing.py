@@ -26,6 +26,9 @@ from ..encoders.registry import TextEncoder
 from ..field import DEFAULT, Normalisation
 from .clauses import Clause, Sentence
 
+# What the network is told of a part that floats or sinks.
+IN_WATER = {"floats": "floats on water", "sinks": "sinks in water"}
+
 DATA = Path(__file__).parent / "data"
 _LISTS = tomllib.loads((DATA / "network.toml").read_text(encoding="utf-8"))
 
@@ -494,7 +497,7 @@ class PlainWords:
         channels = self.lexicon.channels(text).tolist()
         hints: dict[str, float] = dict(zip(CHANNELS, channels, strict=True))
         if hints["floats"] or hints["sinks"]:
-            return ("floats on water", None) if hints["floats"] else ("sinks in water", None)
+            return (IN_WATER["floats" if hints["floats"] else "sinks"], None)
         if hints["brittle"]:
             return "brittle", "brittle"
         if bool(hints["stiffness"]) == bool(hints["weight"]):

@@ -17,6 +17,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any, get_args
 
 from ...fem.errors import InputError, UsageError
+from ...fem.note import Note
 from ...fem.table import CATEGORIES, MaterialTable, key
 from .clauses import Bound, Clause, Degree, Scope, Sentence, Subject, bind
 from .numerals import Measure, Quantity
@@ -74,30 +75,30 @@ def interpret(
     try:
         given = endpoint.ask(prompt).get("clauses")
         if not isinstance(given, list) or not given:
-            raise InputError(f"{endpoint.model} answered no clauses")
+            raise InputError("interpreter.answered_clauses", model=endpoint.model)
     except InputError as error:
-        note = f"the interpreter was not used, the built-in reader was: {error}"
+        note = Note("interpreter.interpreter_used", error=error)
         return replace(own, notes=(*own.notes, note))
     clauses, notes = [], []
     for number, item in enumerate(given[:MOST_CLAUSES], 1):
         try:
             clauses.append(_clause(item, text, table))
         except InputError as error:
-            notes.append(f"clause {number} of the interpreter is left out: {error}")
+            notes.append(Note("interpreter.clause_interpreter", number=number, error=error))
     if not clauses:
-        notes.append("the interpreter's clauses were all left out: the built-in reader was used")
+        notes.append(Note("interpreter.interpreters_clauses"))
         return replace(own, notes=(*own.notes, *notes))
     # What the built-in reader found in the text and the model did not give
     texts = {clause.material: clause.text for clause in own.clauses if clause.material}
     materials = {clause.material for clause in clauses}
     notes += [
-        f"the interpreter does not give {material!r}, which the built-in reader reads in {words!r}"
+        Note("interpreter.interpreter_give", material=material, words=words)
         for material, words in texts.items()
         if material not in materials
     ]
     measures = {number.measure for clause in clauses for number in clause.numbers}
     notes += [
-        f"the interpreter does not give the number {number.text!r}"
+        Note("interpreter.interpreter_give_number", text=number.text)
         for clause in own.clauses
         for number in clause.numbers
         if number.measure not in measures
@@ -108,12 +109,12 @@ def interpret(
 def _clause(item: Any, text: str, table: MaterialTable) -> Clause:
     """Check one clause of the model's answer."""
     if not isinstance(item, Mapping):
-        raise InputError(f"wanted an object, got {type(item).__name__}")
+        raise InputError("interpreter.wanted_object", name=type(item).__name__)
     said = _quote(item.get("text"), text)
     start = text.lower().index(said.lower())
     scopes: tuple[Scope, ...] = get_args(Scope)
     if item.get("scope") not in scopes:
-        raise InputError(f"scope {item.get('scope')!r} is none of {', '.join(scopes)}")
+        raise InputError("interpreter.scope_none", get=item.get("scope"), scopes=", ".join(scopes))
     scope = scopes[scopes.index(item["scope"])]
     subject = Subject(scope, _names(item.get("parts")), _names(item.get("exceptions")))
     phrase = _words(item.get("material"))
@@ -122,17 +123,19 @@ def _clause(item: Any, text: str, table: MaterialTable) -> Clause:
     for word in _strings(item.get("excluded")):
         other = table.phrases.get(key(word))
         if other is None and word not in CATEGORIES:
-            raise InputError(f"it rules out {word!r}, which the table does not have")
+            raise InputError("interpreter.rules_out", word=word)
         excluded.append(other.name if other else word)
     stiffness, density = _degree(item.get("stiffness")), _degree(item.get("density"))
     for number in _list(item.get("numbers")):
         if not isinstance(number, Mapping) or number.get("measure") not in get_args(Measure):
-            raise InputError(f"{number!r} is no number of {', '.join(get_args(Measure))}")
+            raise InputError(
+                "interpreter.number", number=number, get_args=", ".join(get_args(Measure))
+            )
         measure, value = number["measure"], number.get("value")
         if isinstance(value, bool) or not (isinstance(value, int | float) and math.isfinite(value)):
-            raise InputError(f"{value!r} is no number")
+            raise InputError("interpreter.number_2", value=value)
         if value <= 0 and measure != "nu":
-            raise InputError(f"{measure} = {value:g} is not positive")
+            raise InputError("interpreter.positive", measure=measure, value=value)
         numbers.append(Quantity(measure, float(value), _quote(number.get("text"), text)))
     return Clause(
         text=said,
@@ -155,14 +158,14 @@ def _clause(item: Any, text: str, table: MaterialTable) -> Clause:
 def _quote(value: Any, text: str) -> str:
     words = _words(value)
     if not words or words.lower() not in text.lower():
-        raise InputError(f"it quotes {words!r}, which the text does not say")
+        raise InputError("interpreter.quotes_text", words=words)
     return words
 
 
 def _degree(value: Any) -> Degree | None:
     if value is None or (value in get_args(Degree) and not isinstance(value, bool)):
         return value
-    raise InputError(f"{value!r} is no degree from 1 to 5")
+    raise InputError("interpreter.degree", value=value)
 
 
 def _words(value: Any) -> str:
@@ -201,7 +204,7 @@ class ChatEndpoint:
 
     def __post_init__(self) -> None:
         if not self.url.startswith(("http://", "https://")):
-            raise UsageError(f"the endpoint must be an http or https address, got {self.url!r}")
+            raise UsageError("interpreter.endpoint_must", url=self.url)
 
     @classmethod
     def at(cls, address: str) -> ChatEndpoint:
@@ -230,17 +233,17 @@ class ChatEndpoint:
         except (urllib.error.URLError, OSError) as error:
             raise InputError(f"cannot reach {self.url}: {error}") from error
         if len(data) > MAX_ANSWER:
-            raise InputError(f"{self.url} answered more than {MAX_ANSWER} bytes")
+            raise InputError("interpreter.answered_more", url=self.url, max_answer=MAX_ANSWER)
         try:
             answer = str(json.loads(data)["choices"][0]["message"]["content"])
         except (ValueError, KeyError, IndexError, TypeError, RecursionError) as error:
-            raise InputError(f"{self.url} does not answer as a chat endpoint: {error}") from error
+            raise InputError("interpreter.answer_chat", url=self.url, error=error) from error
         try:
             document = json.loads(answer)
         except (json.JSONDecodeError, RecursionError) as error:
             raise InputError(
-                f"{self.model} answered no JSON ({error}): ask another model"
+                "interpreter.answered_json_ask", model=self.model, error=error
             ) from error
         if not isinstance(document, dict):
-            raise InputError(f"{self.model} answered no JSON object: ask another model")
+            raise InputError("interpreter.answered_json", model=self.model)
         return document

@@ -441,11 +441,11 @@ def load_model() -> LanguageModel:
     """Load the model, once; ``InputError`` with the line that installs it where it is missing."""
     found = find_spec(PACKAGE) if find_spec("spacy") else None
     if found is None or found.origin is None:
-        raise InputError(f"the model that reads sentences is missing: {INSTALL}")
+        raise InputError("lexicon.model_reads", install=INSTALL)
     folder = next(Path(found.origin).parent.glob("en_core_web_sm*"))
     for name, wanted in SHA256.items():
         if hashlib.sha256((folder / name).read_bytes()).hexdigest() != wanted:
-            raise InputError(f"{folder / name} is not of the model 3.8.0: {INSTALL}")
+            raise InputError("lexicon.model", folder=folder / name, install=INSTALL)
     with (
         _hidden("torch", None),
         _hidden("spacy.cli", _NoCommands),

@@ -18,6 +18,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
+from ...fem.note import Note
 from ...fem.table import Material
 from .lexicon import Atom, Meaning, Phrase, ReaderLexicon, atoms, part_name_words, words
 from .numerals import Comparison, Numeral, Quantity, number, numerals
@@ -167,11 +168,7 @@ def without_loads(text: str) -> tuple[str, list[str]]:
             loads.append(load)
             start = match.start()
         left = left[:start] + " " * (match.end() - start) + left[match.end() :]
-    return left, [
-        f"{load!r} is a load, which the text does not set: --load part:NAME=x,y,z [N], "
-        "or --scenario wind, poke or drop"
-        for load in loads
-    ]
+    return left, [Note("lexing.load_text", load=load) for load in loads]
 
 
 # Spelling: words that are nearly one that the reader knows, and texts that are not English.
@@ -220,7 +217,7 @@ def _mended_spelling(
         alien = (sum(w in small[code] and w not in small["en"] for w in low) for code in LANGUAGES)
         foreign = max(alien) > max(english, 1)
     if foreign:
-        note = f"{len(odd)} of {long} words are not English: only English is understood"
+        note = Note("lexing.words_english", count=len(odd), long=long)
         return cut, [note], {cut[i].start for i in odd}, {}
     return mended, [], strange, notes
 
@@ -424,7 +421,7 @@ def _connector(
         return None
     start, stop = run[0].start, run[-1].end
     partly = _PARTLY.search(text[:stop]) if meaning.role == "fill" else None
-    note = f"{partly[0]!r} is taken as full" if partly else ""
+    note = Note("lexing.taken_full", partly=partly[0]) if partly else ""
     return Lexeme(text[start:stop], start, stop, meaning.role, meaning.value, phrase, note=note)
 
 
@@ -594,10 +591,10 @@ def bare_numbers(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
         close = not bare or rubber in [x for x in lexemes[:i][-2:] if x.role != "hyphen"][-1:]
         if shore and rubber and close and lexeme.role in ("digits", "word", "told", "material"):
             measure = "shore_d" if "D" in (shore[1], shore[3]) else "shore_a"
-            note = f"{lexeme.text!r} beside {rubber.text!r} is taken as its Shore hardness"
+            note = Note("lexing.beside_taken", text=lexeme.text, text_2=rubber.text)
             value = Quantity(measure, float(shore[2]), lexeme.text)
         elif lexeme.role == "digits" and 0 < number(lexeme.text) < 0.5 and of_modulus:
-            note = f"{lexeme.text!r} after a modulus is taken as Poisson's ratio"
+            note = Note("lexing.after_modulus", text=lexeme.text)
             value = Quantity("nu", number(lexeme.text), lexeme.text)
         out.append(replace(lexeme, role="number", value=value, note=note) if note else lexeme)
     return out
@@ -623,11 +620,11 @@ def lone_grades(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
                 fastener = any({*x.words} & {*lone["fasteners"]} for x in beside)
                 grade = not _CLASS.fullmatch(lexeme.text) or fastener or _is_called(lexeme, beside)
             if not grade:
-                note = f"{lexeme.text!r} after {last!r} is taken for no grade of a metal"
+                note = Note("lexing.after_taken", text=lexeme.text, last=last)
                 noted = note if last in (*lone["labels"], *lone["dates"]) else ""
                 lexeme = replace(lexeme, role="digits", value=None, note=noted)
             elif not _is_called(lexeme, lexemes[max(i - 2, 0) : i + 3]):
-                note = f"{lexeme.text!r} without its metal is taken as a grade: {metal.name}"
+                note = Note("lexing.without_metal", text=lexeme.text, name=metal.name)
                 lexeme = replace(lexeme, note=note)
         out.append(lexeme)
     return out

@@ -15,6 +15,8 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, cast
 
+from ...fem.note import Note
+
 # Numbers in words as digits: "one point two", "two hundred and five", "10 million".
 
 DATA = tomllib.loads((Path(__file__).parent / "data/quantities.toml").read_text(encoding="utf-8"))
@@ -193,12 +195,12 @@ def _special(text: str) -> Iterator[Numeral]:
         degrees = number(match["n"]) * (-1 if match["sign"] else 1)
         celsius = degrees if match["scale"] in "Cc" else (degrees - 32) / 1.8
         odd = not ROOM[0] <= celsius <= ROOM[1]
-        note = f"{match[0]!r} is not used: the values are those of room temperature" if odd else ""
+        note = Note("numerals.used_values", match=match[0]) if odd else ""
         yield Numeral(*match.span(), None, note)
     for match in _TRIPLE.finditer(text):
         E, nu, rho = map(number, match.groups())
         if 1e3 < E < _MOST["E"] and 0 <= nu < 0.5 and 1 < rho < _MOST["rho"]:
-            note = f"{match[0]!r} is taken as E in Pa, nu and rho in kg/m3"
+            note = Note("numerals.taken_pa", match=match[0])
             for k, (symbol, value) in enumerate({"E": E, "nu": nu, "rho": rho}.items(), 1):
                 said = Quantity(cast(Measure, symbol), value, match[k])
                 yield Numeral(*match.span(k), said, note if k == 1 else "")
@@ -206,17 +208,17 @@ def _special(text: str) -> Iterator[Numeral]:
         group = match.groupdict()
         fibre = group["fibre"] or group["fibre2"] or group["fibre4"] or group["fibre5"] or "glass"
         share = group["share"] or group["share2"] or group["share3"]
-        note = "" if share else f"{match[0]!r}: no share is said, {USUAL_SHARE:.0%} is taken"
+        note = "" if share else Note("numerals.share_said", match=match[0], usual_share=USUAL_SHARE)
         blend = Blend(_FIBRE_ROWS[fibre[0].lower()], int(share) / 100 if share else USUAL_SHARE)
         yield Numeral(*match.span(), blend, note)
     for match in _SHORE_OTHER.finditer(text):
-        yield Numeral(*match.span(), None, f"{match[0]!r}: only Shore A and D have a relation to E")
+        yield Numeral(*match.span(), None, Note("numerals.only_shore", match=match[0]))
     for match in _SHORE.finditer(text):
         degree = next(match[g] for g in ("n1", "n2", "n3", "n4") if match[g])
         scale = next((match[g] for g in (f"s{i}" for i in range(1, 8)) if match[g]), "A")
         measure: Measure = "shore_a" if scale in "Aa" else "shore_d"
         value = Quantity(measure, float(degree), match[0]) if 0 < int(degree) <= 100 else None
-        note = "" if value else f"{match[0]!r}: the scale is from 1 to 100"
+        note = "" if value else Note("numerals.scale", match=match[0])
         yield Numeral(*match.span(), value, note)
 
 
@@ -234,7 +236,7 @@ def _measures(text: str) -> Iterator[Numeral]:
                 continue
             read = _read(match, cued=pattern is not _ALONE)
             if read and read.value and _MINUS.search(text[: match.start("low")]):
-                note = f"'-{match[0].strip()}' is below zero and is not used"
+                note = Note("numerals.below_zero", strip=match[0].strip())
                 read = read._replace(value=None, note=note)
             if read:
                 taken.append(match.span())
@@ -250,41 +252,41 @@ def _read(match: re.Match, *, cued: bool) -> Numeral | None:
     if (measure, dimension) == ("mass", "rho"):
         measure = "rho"  # "it weighs 1.6 kg/l"
     low, high = number(group["low"]), number(group["high"] or "")
-    note = f"{said!r}: the middle of the range is taken" if high else ""
+    note = Note("numerals.middle_range", said=said) if high else ""
     value = factor * ((low * high) ** 0.5 if high else low)
     if group["odd"]:
-        return Numeral(start, end, None, f"{said!r} is not used")
+        return Numeral(start, end, None, Note("numerals.used", said=said))
     if group["also"] and measure not in ("size", "other"):
-        return Numeral(start, end, None, f"{said!r} is two numbers for one part: not used")
+        return Numeral(start, end, None, Note("numerals.numbers_part", said=said))
     if measure is None or (measure in ("size", "other") and not cued):
         return Numeral(start, end, None) if measure == "size" else None  # "316L" is no volume
     if measure == "other" and dimension == "size":
         return Numeral(start, end, None)  # "l = 20 mm"
     if measure == "other" or not value > 0:
-        return Numeral(start, end, None, f"{said!r} is not used")
+        return Numeral(start, end, None, Note("numerals.used", said=said))
     if re.search(rf"(?i)(?<!\w)(?:{_BOUND})(?!\w)", said[: match.start("low") - start]):
-        note = f"{said!r} is a bound: its value is taken"
+        note = Note("numerals.bound_value", said=said)
     if group["unit"] == "mPa":
-        note = f"{said!r} is read as {group['low']} MPa"
+        note = Note("numerals.read_mpa", said=said, group=group["low"])
     if _DIRECTED.match(said):
-        note = f"{said!r} is of one direction: E is the same in all"
+        note = Note("numerals.direction_same", said=said)
     bare = _BARE.get(measure, ())
     if dimension is None and not group["share"] and bare:
         scale, unit = next(((s, u) for a, b, s, u in bare if a <= value <= b), (0.0, ""))
-        value, note = value * scale, f"{said!r} has no unit: {unit} is taken"
+        value, note = value * scale, Note("numerals.unit_taken", said=said, unit=unit)
     if measure == "rho" and value < 10 and re.fullmatch(r"\d{1,3}\.\d{3}", group["low"]):
-        value, note = 1e3 * value, f"{said!r}: its point is taken to part thousands"
+        value, note = 1e3 * value, Note("numerals.point_taken", said=said)
     if value > _MOST.get(measure, math.inf) and re.fullmatch(r"\d{1,3},\d{3}", group["low"]):
-        value, note = value / 1e3, f"{said!r}: its comma is taken as a decimal point"
+        value, note = value / 1e3, Note("numerals.comma_taken", said=said)
     if measure == "infill" and dimension is None:
         value = value / 100 if group["share"] or value > 1 else value
     elif dimension != {"thickness": "size", "nu": None}.get(measure, measure) and not (
         dimension is None and bare and value
     ):
-        reason = f"is no measure of {measure}" if dimension else "has no unit"
-        return Numeral(start, end, None, f"{said!r} {reason} and is not used")
+        reason = Note("numerals.measure", measure=measure) if dimension else Note("numerals.unit")
+        return Numeral(start, end, None, Note("numerals.used_2", said=said, reason=reason))
     if measure == "nu" and not value < 0.5:
-        return Numeral(start, end, None, f"{said!r}: Poisson's ratio is below 0.5; it is not used")
+        return Numeral(start, end, None, Note("numerals.poissons_ratio", said=said))
     return Numeral(start, end, Quantity(cast(Measure, measure), value, said, cued), note)
 
 

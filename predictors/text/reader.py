@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
 from ...fem.errors import UsageError
+from ...fem.note import Note
 from ...fem.table import Material, MaterialTable
 from .clauses import Clause, Scope, Sentence, Subject
 from .lexicon import SHORT, Phrase, ReaderLexicon, known_parts, lexicon_of, places, words
@@ -53,7 +54,7 @@ def parse(text: str, table: MaterialTable, names: Sequence[str] = ()) -> Sentenc
     Raises InputError: Where the English model is not installed.
     """
     if len(text) > LONGEST:
-        raise UsageError(f"the text has {len(text)} characters: at most {LONGEST} are read")
+        raise UsageError("reader.text_characters", count=len(text), longest=LONGEST)
     lexicon = lexicon_of(table)
     lexed = lex(text, lexicon, names)
     lexed.lexemes = point_back(lone_grades(bare_numbers(lexed.lexemes)))
@@ -697,8 +698,8 @@ def settle(drafts: list[Draft], lexed: Lexed) -> None:
         if not alike and draft.material and head:  # "the lid is oak like the box"
             draft.names.append(draft.same)
         elif not alike:
-            who = " ".join(draft.same) or "what came before"
-            lexed.notes.append(f"'the same as {who}': nothing is said of it")
+            who = " ".join(draft.same) or Note("reader.came_before")
+            lexed.notes.append(Note("reader.same_nothing", who=who))
         for other in alike:
             draft.like(other)
 
@@ -780,14 +781,14 @@ def clause_of(text: str, draft: Draft, lexicon: ReaderLexicon) -> Clause:
         and not x.text.endswith("ed")  # a treatment that no dictionary has: "rotomoulded"
     )  # fmt: skip
     left = [*draft.left, *(strange if draft.material else ())]
-    told = [f"{word!r} beside it is left out" for word in left]
+    told = [Note("reader.beside_left", word=word) for word in left]
     if draft.material:
         states = {*words()["states"]["words"]} - lexicon.row_words(draft.material)
         at = next((x.start for x in draft.lexemes if x.text == draft.phrase), 0)
         said = (
             x.text for x in draft.lexemes if x.text.lower() in states and 0 < at - x.end <= _BESIDE
         )
-        told += [f"{word!r} is not used: its values are those of {draft.phrase}" for word in said]
+        told += [Note("reader.used_values", word=word, phrase=draft.phrase) for word in said]
     noted = [x.note for x in draft.lexemes if x.note]
     unknown, doubts = (
         "" if draft.material else draft.unknown,

@@ -293,7 +293,7 @@ def load_unipixie(path: Path) -> Loaded:
             calibration = RangeCalibration(**json.loads(facts["calibration"]))
             tensors = {key: file.get_tensor(key).float() for key in file.keys()}
     except (SafetensorError, OSError, KeyError, TypeError, ValueError) as error:
-        raise InputError(f"{path} is not a checkpoint of a UniPixie network: {error}") from error
+        raise InputError("inference.checkpoint_unipixie", path=path, error=error) from error
     network = UniPixie(config)
     network.load_state_dict(tensors)
     return Loaded(network.eval(), normalisation, calibration)

@@ -11,6 +11,7 @@ from typing import ClassVar
 import numpy as np
 
 from ...fem.mpm.materials import MaterialClass
+from ...fem.note import Note
 from ...fem.table import FIELDS, MaterialTable, MaterialValue, load_table
 from ..appearance.features import Appearance
 from ..asset import UpAxis
@@ -107,7 +108,7 @@ class UniPixiePredictor:
             words = choices[i]
             decided[i] = PartChoice(
                 words.part, row, value, words.weight, place,
-                "network: what it looks like and is called", settled=False, network="UniPixie",
+                Note("predictor.network_looks"), settled=False, network="UniPixie",
                 guessed=True, unknown=words.unknown, draws=draws,
                 matter=MaterialClass(int(votes.argmax())).name.lower(),
             )  # fmt: skip

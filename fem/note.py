@@ -1,0 +1,51 @@
+"""Notes: what a result or an error says, as a kind and its values; sentences are made elsewhere."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from importlib import import_module
+from typing import Any
+
+# Module and function that know the sentence of a kind: none, where these elements are used alone.
+_speaker: list[str] = []
+
+
+def speak_by(module: str, function: str) -> None:
+    """Let ``module.function``, loaded when it is first asked, give the template of every kind."""
+    _speaker[:] = [module, function]
+
+
+class Note(str):
+    """A sentence with the kind and the values that it was made of.
+
+    Parameters
+    ----------
+    kind
+        "file.key" of a template that ``speak_by`` knows. Any other text stands for itself.
+    values
+        Numbers and names that the template's ``{fields}`` show.
+
+    Examples
+    --------
+    >>> Note("tets", got=3, wanted=4)
+    'tets: got 3, wanted 4'
+    """
+
+    kind: str
+    values: dict[str, Any]
+
+    def __new__(cls, kind: str, /, **values: Any) -> Note:
+        """Make the sentence: of a kind that nobody words, the kind and its values."""
+        template: str | None = None
+        if _speaker:
+            module, function = _speaker
+            look_up: Callable[[str], str | None] = getattr(import_module(module), function)
+            template = look_up(kind)
+        if template is not None:
+            text = template.format(**values)
+        else:
+            shown = ", ".join(f"{name.replace('_', ' ')} {value}" for name, value in values.items())
+            text = f"{kind}: {shown}" if shown else kind
+        made = super().__new__(cls, text)
+        made.kind, made.values = kind, values
+        return made

@@ -1,0 +1,69 @@
+"""Notes: each kind that the code names has a sentence, of just the values that it is given."""
+
+import ast
+import string
+import tomllib
+from pathlib import Path
+
+import pytest
+from autophyx_tet.fem.errors import InputError
+from autophyx_tet.fem.note import Note
+
+ROOT = Path(__file__).resolve().parent.parent
+ROOMS = ("fem", "converters", "predictors", "toolkit", "research")
+
+
+def _sentences() -> dict[str, set[str]]:
+    """Kind -> fields of its sentence."""
+    tables = tomllib.loads((ROOT / "toolkit/verdict/sentences.toml").read_text())
+    return {
+        f"{file}.{key}": {name for _, name, _, _ in string.Formatter().parse(text) if name}
+        for file, table in tables.items()
+        for key, text in table.items()
+    }
+
+
+def _calls() -> list[tuple[str, str, set[str]]]:
+    """(place, kind, names of values) of every note and every error that is made with a kind."""
+    calls = []
+    for path in (path for room in ROOMS for path in (ROOT / room).rglob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text())):
+            if not (isinstance(node, ast.Call) and node.args):
+                continue
+            name = ast.unparse(node.func)
+            first = node.args[0]
+            if (name == "Note" or name.endswith("Error")) and isinstance(first, ast.Constant):
+                kind = str(first.value)
+                if " " not in kind and "." in kind:
+                    values = {keyword.arg or "**" for keyword in node.keywords}
+                    calls.append((f"{path}:{node.lineno}", kind, values))
+    return calls
+
+
+def test_every_kind_has_a_sentence_of_its_values():
+    sentences = _sentences()
+    wrong = [
+        place
+        for place, kind, values in _calls()
+        if kind not in sentences or not ("**" in values or sentences[kind] <= values)
+    ]
+    assert not wrong
+
+
+def test_no_sentence_is_left_over():
+    assert not set(_sentences()) - {kind for _, kind, _ in _calls()}
+
+
+def test_a_note_is_its_sentence_and_keeps_its_values():
+    """Text that is no kind stands for itself, braces and all."""
+    note = Note("mesh.part_names", names=["a", "a"])
+    assert note.kind == "mesh.part_names"
+    assert note.values == {"names": ["a", "a"]}
+    assert "['a', 'a']" in note
+    assert Note("a file {x} of mine.txt") == "a file {x} of mine.txt"
+
+
+def test_an_error_carries_what_its_sentence_says():
+    with pytest.raises(InputError, match="nowhere") as caught:
+        raise InputError("nowhere: wanted {somewhere}")
+    assert caught.value.note.values == {}
