@@ -26,7 +26,7 @@ STAGES = {
     "ordering": [("autophyx_tet.fem.linalg.cholesky", "planned_elimination")],
     "factors": [
         ("autophyx_tet.fem.linalg.cholesky", "CholeskyFactor.__init__"),
-        ("autophyx_tet.fem.linalg.cholesky", "known_factor"),
+        ("autophyx_tet.fem.linalg.cholesky", "cached_factor"),
     ],
     "read the mesh": [("autophyx_tet.converters.mesh.meshdata", "read_mesh")],
     "supports": [("autophyx_tet.fem.scene.supports", "find_supports")],

@@ -25,7 +25,7 @@ from ..fem.note import Note
 from ..predictors.grid import MAX_CELLS, Grid
 from . import files as npz
 from .files import reading, writing
-from .registry import GRID_FORMATS, Format, Keeps, format_of, told_lost, written
+from .registry import GRID_FORMATS, Format, Keeps, format_of, warn_of_losses, written
 
 if TYPE_CHECKING:
     import trimesh
@@ -230,7 +230,7 @@ def write_density(path: str | os.PathLike, grid: DensityGrid) -> list[Path]:
         )
     files = writer(path, grid)
     if lost := density_losses(path, grid):
-        log.warning(told_lost(path, GRID_FORMATS[suffix], lost))
+        log.warning(warn_of_losses(path, GRID_FORMATS[suffix], lost))
     return files
 
 

@@ -124,7 +124,7 @@ def written(formats: Registry[Format]) -> tuple[str, ...]:
     return tuple(suffix for suffix in formats if formats[suffix].write is not None)
 
 
-def told_lost(path: str | os.PathLike, form: Format, lost: Iterable[str]) -> str:
+def warn_of_losses(path: str | os.PathLike, form: Format, lost: Iterable[str]) -> str:
     """Sentence about what of the given a file will not hold."""
     return Note("registry.keep", path=path, title=form.title, lost=", ".join(lost))
 

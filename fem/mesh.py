@@ -210,7 +210,7 @@ def material_of(mesh: TetMesh) -> ElementMaterial:
     return mesh.material
 
 
-def edge_share(mesh: TetMesh) -> float:
+def edge_fraction(mesh: TetMesh) -> float:
     """Median length [1] of the first edges of its tets, as a share of its bounding diagonal."""
     lengths = np.linalg.norm(edge_vectors(mesh.points, mesh.tets), axis=1)
     return float(np.median(lengths) / np.linalg.norm(np.ptp(mesh.bounds, axis=0)))

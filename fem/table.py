@@ -131,7 +131,7 @@ class Material:
         return MaterialValue(E, nu, (self.rho.min * self.rho.max) ** 0.5)
 
 
-def stated_material(value: MaterialValue) -> Material:
+def material_of_values(value: MaterialValue) -> Material:
     """Row of a matter that is known by its ``value`` alone: no kind, and no strength."""
     E, nu, rho = (Span(number, number) for number in value)
     return Material(AS_STATED, AS_STATED, E, nu, rho, source=AS_STATED)

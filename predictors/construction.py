@@ -119,7 +119,7 @@ def construction_of(
     words: ThingWords,
     material: Material,
     *,
-    hull_share: float = 1.0,
+    hull_fraction: float = 1.0,
     smallest_side: float = 1.0,
     wall: float | None = None,
     solid: bool = False,
@@ -131,7 +131,7 @@ def construction_of(
 
     part, words: Its name, and what it is called and said to be.
     material: What it is made of.
-    hull_share, smallest_side: Its volume by that of its convex hull [1], and the smallest side of
+    hull_fraction, smallest_side: Its volume by that of its convex hull [1], and the smallest side of
         its box [m].
     wall, solid, filling, in_mesh: What was said for certain: its wall [m], that it is solid, what
         it is full of; that the mesh has its walls already.
@@ -145,11 +145,11 @@ def construction_of(
     name = filling.name if filling else ""
     if wall is not None:
         return Construction(part, "shell", "as told", Span(wall, wall), inside, name, "as told")
-    if hull_share < IN_ITS_SHAPE:
+    if hull_fraction < IN_ITS_SHAPE:
         return Construction(
             part,
             SHAPED,
-            Note("construction.hull_filled", hull_share=hull_share),
+            Note("construction.hull_filled", hull_fraction=hull_fraction),
         )
     if words.said & _SOLID:
         return Construction(part, "solid", Note("construction.text_says"))

@@ -15,7 +15,7 @@ from ..fem.errors import InputError
 from ..fem.note import Note
 from ..fem.table import MaterialTable
 from .field import Normalisation
-from .text.hearing import KINDS, HeardClause, kind_of
+from .text.hearing import KINDS, EncodedClause, kind_of
 
 # Of the log ratios so much is believed, and so much is added to that of the part that fits a kind
 # best, as what is spoken of is there. Fitted on either source of training, the log loss on the
@@ -26,7 +26,7 @@ _NOTHING = 1e-9  # of a share that is divided
 _ALIKE = 1e-3  # looks that differ by less are one: a quarter of a step of eight bits
 
 
-def matters(clauses: Sequence[HeardClause]) -> Int[np.ndarray, "clauses"]:
+def matters(clauses: Sequence[EncodedClause]) -> Int[np.ndarray, "clauses"]:
     """For each clause that speaks of matter alone its kind, as an index into ``KINDS``, else -1."""
     kinds = [
         None
@@ -37,7 +37,7 @@ def matters(clauses: Sequence[HeardClause]) -> Int[np.ndarray, "clauses"]:
     return np.array([-1 if kind is None else KINDS.index(kind) for kind in kinds], dtype=int)
 
 
-def by_looks(
+def by_appearance(
     shares: Float[np.ndarray, "n columns"],
     kinds: Int[np.ndarray, "clauses"],
     cells: Int[np.ndarray, "n 3"],
@@ -65,7 +65,9 @@ def by_looks(
     # A thing of one look, as a file without colours, tells nothing; nor does one piece.
     if len(spoken) < 2 or not piece.any() or np.ptp(looks, axis=0).max() < _ALIKE:
         return shares
-    ratio = _BELIEVED * KindsByLooks.load().log_ratio(measure(cells, looks, piece))[:, spoken]
+    ratio = (
+        _BELIEVED * CategoriesByAppearance.load().log_ratio(measure(cells, looks, piece))[:, spoken]
+    )
     own = shares[:, mine].clip(min=_NOTHING)
     of_each = own @ np.eye(len(spoken))[of_kind]
     if parts:
@@ -85,8 +87,8 @@ def by_looks(
     return out
 
 
-def told_values(
-    clauses: Sequence[HeardClause], table: MaterialTable, normalisation: Normalisation
+def typed_values(
+    clauses: Sequence[EncodedClause], table: MaterialTable, normalisation: Normalisation
 ) -> Float[np.ndarray, "clauses 3"]:
     """Normalised values of the material that each clause names, NaN where it names none."""
     nothing = np.full(3, np.nan)
@@ -144,7 +146,7 @@ class Regression:
 
 
 @dataclass(frozen=True)
-class KindsByLooks:
+class CategoriesByAppearance:
     """Regressions for things with a finish and opacities, and for those of plain colours."""
 
     finished: Regression
@@ -152,7 +154,7 @@ class KindsByLooks:
 
     @classmethod
     @lru_cache(maxsize=2)
-    def load(cls, path: Path = SHIPPED) -> KindsByLooks:
+    def load(cls, path: Path = SHIPPED) -> CategoriesByAppearance:
         """Return the shipped ones, or those of a file."""
         try:
             found = json.loads(path.read_text(encoding="utf-8"))

@@ -16,7 +16,7 @@ from jaxtyping import Float
 
 from .grid import PartVoxels
 from .text import hearing as words
-from .text.hearing import HeardClause, stem
+from .text.hearing import EncodedClause, stem
 from .text.lexicon import part_name_words, places
 
 SMOOTH = 3  # cells: the shares of the clauses are averaged over cubes of this edge
@@ -67,7 +67,7 @@ def partition(
     parts: PartVoxels,
     left_open: Sequence[int],
     shares: Float[np.ndarray, "nx ny nz k"],
-    clauses: Sequence[HeardClause],
+    clauses: Sequence[EncodedClause],
 ) -> Partition:
     """Divide open parts by the clauses that speak of their cells; ``shares`` as above."""
     from scipy.ndimage import distance_transform_edt, uniform_filter
@@ -111,7 +111,7 @@ def partition(
     return Partition(pieces, tuple(parents), tuple(owners))
 
 
-def _piece(part: str, clause: HeardClause, taken: Sequence[str]) -> str:
+def _piece(part: str, clause: EncodedClause, taken: Sequence[str]) -> str:
     """Name of the piece of a part that a clause speaks of, unlike those that are taken."""
     spoken = clause.parts or map(stem, (clause.phrase or clause.text).split())
     name = f"{part} {' '.join(spoken)}"

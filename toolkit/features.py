@@ -13,7 +13,7 @@ from ..converters.files import save_npz
 from ..predictors.appearance.features import (
     Appearance,
     VoxelFeatures,
-    cell_looks,
+    cell_appearance,
     features_of_views,
 )
 from ..predictors.appearance.features import features as features_of
@@ -172,7 +172,7 @@ def appearance_of(asset: Asset, voxels: PartVoxels, *, encoder: str | None = Non
     occupied = voxels.occupied
     cells = voxels.grid.centers()[occupied]
     looks = np.zeros((*occupied.shape, LOOK), dtype=np.float32)
-    looks[occupied] = cell_looks(asset, cells)
+    looks[occupied] = cell_appearance(asset, cells)
     seen = Appearance(looks[..., :3], finish=looks[..., 3:])
     if encoder is None:
         return seen

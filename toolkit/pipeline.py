@@ -335,7 +335,7 @@ def run(
     from ..converters.files import alone
     from .report.pages import write_folder
     from .report.picture import SUFFIXES, write_picture
-    from .walls import with_stated_walls
+    from .walls import with_named_walls
 
     output, picture = path_of(output), path_of(picture)
     check_run(output)
@@ -344,7 +344,7 @@ def run(
         check_file(picture, SUFFIXES)
     with alone(output):
         clock = Stopwatch()
-        asset, walls = with_stated_walls(asset, texts, walls, convert_options)
+        asset, walls = with_named_walls(asset, texts, walls, convert_options)
         solid = convert(asset, options=convert_options, walls=walls, progress=progress)
         clock.lap("convert")
         known = {"up": solid.asset.up, "options": simulate_options, "progress": progress}

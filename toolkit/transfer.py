@@ -20,7 +20,7 @@ from ..predictors.grid import Grid
 from .asset.document import BodyRecord, Sidecar, check_file, mesh_document, path_of
 from .driving import checked_scale
 from .options import ExportOptions, TransferOptions, with_given
-from .simulation.scenario import stated_grains
+from .simulation.scenario import grains_of_options
 from .simulation.simulate import rows_of_field
 
 if TYPE_CHECKING:
@@ -241,7 +241,7 @@ def export(
     body = mesh if isinstance(mesh, TetMesh) else read_mesh(mesh)
     known = None if isinstance(mesh, TetMesh) else Sidecar.read(Path(mesh))
     rows = BodyRecord.of(known).materials
-    body, notes = with_grains(body, rows, stated_grains(body, options.grain))
+    body, notes = with_grains(body, rows, grains_of_options(body, options.grain))
     with TemporaryDirectory(dir=output.parent, prefix=".tmp-") as scratch:
         done = export_mesh(
             body,

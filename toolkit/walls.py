@@ -37,14 +37,14 @@ from ..predictors.construction import (
 from ..predictors.field import MaterialField
 from ..predictors.prediction import GUESS, PartChoice, Prediction
 from ..predictors.text.clauses import GENERAL, Bound
-from ..predictors.text.numerals import Quantity, wall_said
+from ..predictors.text.numerals import Quantity, wall_named
 from .asset.document import Sidecar
 from .asset.repair import repair
-from .asset.solids import Shell, hull_share, inner_surface, wall_share
+from .asset.solids import Shell, hull_fraction, inner_surface, wall_fraction
 from .options import EVERY, ConvertOptions, WallOptions, pairs
 
 
-def with_stated_walls(
+def with_named_walls(
     asset: str | Path | Asset,
     texts: Sequence[str],
     walls: WallOptions | None,
@@ -88,7 +88,7 @@ def _stated(asset: Asset, text: str) -> dict[str, float]:
     return {
         name: wall.value
         for name, wall, part in zip(
-            asset.part_names, walls_said(asset.part_names, main, bound), bound.parts, strict=True
+            asset.part_names, walls_named(asset.part_names, main, bound), bound.parts, strict=True
         )
         if wall and not any(clauses[k].filling for k in part.clauses)
     }
@@ -148,7 +148,7 @@ class Called:
             object_name=sidecar.source.get("name") or "",
             thing=bound.sentence.thing,
             held=tuple(held),
-            walls=walls_said(mesh.region_names, main, bound),
+            walls=walls_named(mesh.region_names, main, bound),
         )
 
     def divided(self, mesh: TetMesh, sidecar: Sidecar, parents: Sequence[int]) -> Called:
@@ -184,7 +184,7 @@ class Called:
         return held.material.name if held and says else ""
 
 
-def walls_said(
+def walls_named(
     names: Sequence[str], main: Sequence[bool], bound: Bound
 ) -> tuple[Quantity | None, ...]:
     """The wall that a text gives each part; that of the whole is of its main part, or of all."""
@@ -193,7 +193,7 @@ def walls_said(
         general = main[part] or not any(main)
         spoken = zip(bound.parts[part].clauses, bound.parts[part].how, strict=True)
         clauses = [bound.sentence.clauses[k] for k, how in spoken if general or how not in GENERAL]
-        return next(filter(None, (wall_said(names[part], one.numbers) for one in clauses)), None)
+        return next(filter(None, (wall_named(names[part], one.numbers) for one in clauses)), None)
 
     return tuple(of(part) for part in range(len(names)))
 
@@ -423,12 +423,12 @@ def build_parts(
             called.words(region),
             choice.row,
             contents=contents,
-            hull_share=hull_share(body.points, body.faces),
+            hull_fraction=hull_fraction(body.points, body.faces),
             smallest_side=body.smallest_side,
             **facts,
         )
         shares = {
-            end: wall_share(body.points, body.faces, end, samples=FEW_SAMPLES)
+            end: wall_fraction(body.points, body.faces, end, samples=FEW_SAMPLES)
             for end in dict.fromkeys(construction.wall or ())
         }
         rho, volume = choice.value.rho, body.volume
@@ -446,7 +446,7 @@ def build_parts(
             unused_wall=wall.text if wall and facts["wall"] != wall.value else "",
         )
         if construction.form == "shell":
-            share = wall_share(body.points, body.faces, construction.thickness)
+            share = wall_fraction(body.points, body.faces, construction.thickness)
             filling = facts["filling"]
             one = replace(one, share=share, inside_E=filling.value().E if filling else 0.0)
             one = replace(one, apparent=one.as_built(choice.value))

@@ -20,7 +20,7 @@ from ...fem.mesh import TetMesh, signed_volumes
 from ...fem.note import Note
 from .. import files as npz
 from ..files import check_counts, reading
-from ..registry import MATERIAL, MESH_FORMATS, Format, Keeps, format_of, told_lost, written
+from ..registry import MATERIAL, MESH_FORMATS, Format, Keeps, format_of, warn_of_losses, written
 
 if TYPE_CHECKING:
     import meshio
@@ -335,5 +335,5 @@ def write_mesh(
     form.write(path, mesh, point_data=point_data, cell_data=cell_data)
     lost = form.loses(items_of(mesh, point_data, cell_data))
     if lost:
-        log.warning(told_lost(path, form, lost_words(lost, mesh)))
+        log.warning(warn_of_losses(path, form, lost_words(lost, mesh)))
     return lost

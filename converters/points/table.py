@@ -15,7 +15,7 @@ from ...fem.errors import InputError
 from ...fem.note import Note
 from .. import files as npz
 from ..files import reading
-from ..registry import POINT_FORMATS, Format, Keeps, format_of, told_lost, written
+from ..registry import POINT_FORMATS, Format, Keeps, format_of, warn_of_losses, written
 
 XYZ = ("x", "y", "z")
 
@@ -218,7 +218,7 @@ def write_points(path: str | os.PathLike, table: PointTable) -> None:
         raise InputError("table.room_further", path=path, title=chosen.title, room=room)
     chosen.write(path, table)
     if lost := point_losses(path, table):
-        log.warning(told_lost(path, chosen, lost))
+        log.warning(warn_of_losses(path, chosen, lost))
 
 
 def point_losses(path: str | os.PathLike, table: PointTable) -> tuple[Keeps, ...]:

@@ -324,7 +324,9 @@ _RECENT_STIFFNESS: list[tuple[Discretisation, ElementMaterial, Supports, BlockMa
 _KEPT_STIFFNESS = 2
 
 
-def held_stiffness(grid: Discretisation, material: ElementMaterial, held: Supports) -> BlockMatrix:
+def constrained_stiffness(
+    grid: Discretisation, material: ElementMaterial, held: Supports
+) -> BlockMatrix:
     """Stiffness [N/m] of linear elasticity with supports: one that was kept, or a new one."""
     for kept_grid, kept, supports, matrix in _RECENT_STIFFNESS:
         pairs = [(getattr(kept, name), getattr(material, name)) for name in ("E", "nu", "tensor")]
@@ -339,7 +341,7 @@ def held_stiffness(grid: Discretisation, material: ElementMaterial, held: Suppor
 def keep_stiffness(
     grid: Discretisation, material: ElementMaterial, held: Supports, matrix: BlockMatrix
 ) -> None:
-    """Keep a ``held_stiffness`` for the next call of it: from now on nobody may change it."""
+    """Keep a ``constrained_stiffness`` for its next call: from now on nobody may change it."""
     if not any(kept is matrix for *_, kept in _RECENT_STIFFNESS):
         _RECENT_STIFFNESS.insert(0, (grid, material, held, matrix))
         del _RECENT_STIFFNESS[_KEPT_STIFFNESS:]

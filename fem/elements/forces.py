@@ -140,14 +140,14 @@ def node_velocities(given: Any, space: Space) -> Float[np.ndarray, "nodes 3"]:
 _HRZ = np.array([6.0] * 4 + [32.0] * 6) / 216
 
 
-def mass_shares(order: int) -> Float[np.ndarray, "_"]:
+def mass_fractions(order: int) -> Float[np.ndarray, "_"]:
     """Share of the mass of a tet that every one of its nodes carries."""
     return np.full(4, 0.25) if order == 1 else _HRZ
 
 
 def lumped_mass(mesh: TetMesh, space: Space) -> Float[np.ndarray, "nodes"]:
     """Mass [kg] of every node, from the density of every tet."""
-    fraction = mass_shares(space.order)
+    fraction = mass_fractions(space.order)
     mass = (material_of(mesh).rho * mesh.volumes)[:, None] * np.ones(3)
     return sum_at_nodes(space, lambda i: fraction[i] * mass)[:, 0]
 

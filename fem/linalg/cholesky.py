@@ -123,7 +123,7 @@ def find_factor(matrix: BlockMatrix, plan: Elimination) -> CholeskyFactor | None
     return _found(_digest(matrix), plan)
 
 
-def known_factor(matrix: BlockMatrix, plan: Elimination) -> CholeskyFactor:
+def cached_factor(matrix: BlockMatrix, plan: Elimination) -> CholeskyFactor:
     """Factor of ``matrix``, made only if the last ones were not of the very same values."""
     digest = _digest(matrix)
     if (known := _found(digest, plan)) is not None:

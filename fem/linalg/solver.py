@@ -11,7 +11,7 @@ import numpy as np
 from ..device import Recorder, start_warp
 from ..elements.assembly import BlockMatrix
 from ..note import Note
-from .cholesky import CholeskyFactor, Elimination, NotPositive, known_factor, planned_elimination
+from .cholesky import CholeskyFactor, Elimination, NotPositive, cached_factor, planned_elimination
 from .krylov import ConjugateGradients, DeviceVector, length, norm
 from .multigrid import Scaled, TwoLevel, corner_pattern, scale
 
@@ -91,7 +91,7 @@ def solve_system(
             patience = iterations_worth(plan, matrix)
             if patience <= USUAL:
                 return solve_direct(matrix, b, plan, tolerance)
-    system = known_system(matrix) or scale(matrix)
+    system = cached_system(matrix) or scale(matrix)
     if np.isnan(system.largest):  # a diagonal block is not positive
         return Solution(np.full_like(b, np.nan), np.inf, 0, 0.0, True)
     options = {"tolerance": tolerance, "limit": min(patience, MAX_ITERATIONS)}
@@ -140,7 +140,7 @@ def solve_direct(
     """Cholesky factor of ``matrix`` by ``plan``, and iterative refinement."""
     matrix = matrix.to("cpu")
     try:
-        factor = known_factor(matrix, plan)
+        factor = cached_factor(matrix, plan)
     except NotPositive:
         return Solution(np.full_like(b, np.nan), np.inf, 0, 0.0, True, np.inf, CHOLESKY)
     x, change = factor.solve(b), 1.0
@@ -245,7 +245,7 @@ def rough_inverse(
 _RECENT: list[tuple[Scaled, TwoLevel, ConjugateGradients]] = []
 
 
-def known_system(matrix: BlockMatrix) -> Scaled | None:
+def cached_system(matrix: BlockMatrix) -> Scaled | None:
     """The last system of the pattern of ``matrix`` on a GPU, with its numbers; None: there is none.
 
     What is known of an older system in the same arrays is no longer true.

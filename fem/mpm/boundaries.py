@@ -74,7 +74,7 @@ class Wall:
         return nodes[inside], normals, np.tile(velocity, (len(normals), 1))
 
 
-def still_nodes(
+def fixed_nodes(
     particles: Particles | None, grid: BackgroundGrid
 ) -> tuple[Int[np.ndarray, "nodes"], Float[np.ndarray, "nodes"]]:
     """Nodes that stationary particles reach, and their mass [kg] there, by the weights."""
@@ -95,7 +95,7 @@ def still_nodes(
 
 
 @dataclass(frozen=True, eq=False)
-class HeldPlaces:
+class FixedPlaces:
     """Where a body is held: outside of its held faces, and around its held points.
 
     ``samples`` [m] on held faces and their outward ``normals``; ``points`` [m] of no held face;
@@ -143,7 +143,7 @@ def scene_room(scene: Scene, spacing: float) -> BackgroundGrid:
     return grid_around(lows, highs, spacing)
 
 
-def support_walls(
+def support_boundaries(
     mesh: TetMesh, supports: Supports, spacing: float, duration: float
 ) -> tuple[Wall, ...]:
     """Walls of the supports of a mesh; prescribed displacements are reached after ``duration`` [s].
@@ -165,7 +165,7 @@ def support_walls(
         samples, of = _face_samples(mesh.points, faces, spacing / 2)
         normals = face_normals(mesh.points, faces)[of]
         fixed[faces] = False
-        place = HeldPlaces(samples, normals, mesh.points[fixed], spacing, velocity)
+        place = FixedPlaces(samples, normals, mesh.points[fixed], spacing, velocity)
         if len(axes) == 3:
             walls.append(Wall(shape=place, touch=Touch.STICKY))
         for axis in axes if len(axes) < 3 else ():

@@ -16,7 +16,7 @@ from ..scene.scene import Scene
 from ..solve.method import FrameProgress
 from ..solve.result import Motion, MotionResult, ParticleRun
 from ..validation import checked_count, checked_number, checked_positive
-from .boundaries import BackgroundGrid, Wall, scene_room, support_walls
+from .boundaries import BackgroundGrid, Wall, scene_room, support_boundaries
 from .materials import MaterialClass, Substance
 from .particles import Followers, Particles, ParticleState, particle_forces, sample_tets
 from .rigid import Stiff, Treatment, bending_regions, near_fixed, treated, treatment_notes
@@ -171,7 +171,7 @@ class MpmMethod:
         walls = [Wall(shape=obstacle, friction=scene.friction) for obstacle in scene.obstacles]
         if scene.ground is not None:
             walls.append(Wall(shape=scene.ground))
-        walls += support_walls(mesh, scene.held, spacing, scene.duration)
+        walls += support_boundaries(mesh, scene.held, spacing, scene.duration)
         # Whether it is jelly alone, held, and meets nothing: weights at rest forget nothing then
         moving = particles.kinds[~particles.held] == MaterialClass.JELLY
         tears = any(s.tears for s in particles.substances)

@@ -17,7 +17,7 @@ from ..device import checked_device, start_warp
 from ..errors import InputError
 from ..material import lame_parameters
 from ..note import Note
-from .boundaries import BackgroundGrid, Wall, still_nodes
+from .boundaries import BackgroundGrid, Wall, fixed_nodes
 from .kernels_grid import (
     COUNT,
     INVERTED,
@@ -309,7 +309,7 @@ class Substep:
             self.rigid = RigidBodies(cloud.particles, grid.spacing, cloud.real, self.device)
         size = grid.count if self.rigid is not None else 0
         self._kick = wp.zeros(size, dtype=types.vec4, device=self.device)
-        self._still, self._still_mass = still_nodes(fixed, grid)
+        self._still, self._still_mass = fixed_nodes(fixed, grid)
         self._stages: list[Stage] = []
         self._graph: Any = None
 

@@ -23,7 +23,7 @@ from ..elements.forces import load_vector, lumped_mass
 from ..elements.space import Space, element_points, extend_linear, make_space
 from ..errors import ConvergenceError, InputError
 from ..laws.law import Law
-from ..linalg.cholesky import CholeskyFactor, known_factor, planned_elimination
+from ..linalg.cholesky import CholeskyFactor, cached_factor, planned_elimination
 from ..linalg.solver import MOST_ENTRIES, solve_system
 from ..mesh import TetMesh, material_of
 from ..note import Note
@@ -122,7 +122,7 @@ def linear_body(mesh: TetMesh, supports: Supports | None, *, order: int = 1) -> 
         plan = planned_elimination(matrix, grid.space.edges)
         if plan.entries <= MOST_ENTRIES:  # the factor that the modes were found with
             together = np.ascontiguousarray(np.moveaxis(b, 0, 2))
-            return np.moveaxis(known_factor(matrix, plan).solve(together), 2, 0)
+            return np.moveaxis(cached_factor(matrix, plan).solve(together), 2, 0)
         options = {"points": grid.space.nodes, "fixed": held.fixed, "edges": grid.space.edges}
         solved = [solve_system(matrix, load, **options, tolerance=TOLERANCE) for load in b]
         if wrong := [s.residual for s in solved if not s.reached(TOLERANCE)]:

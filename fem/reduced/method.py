@@ -12,7 +12,7 @@ from ..laws.law import Law
 from ..note import Note
 from ..scene.scene import Scene
 from ..solve.method import FrameProgress, halving_notes
-from ..solve.result import MOTION_LIMIT, ModelError, MotionResult, locking_share
+from ..solve.result import MOTION_LIMIT, ModelError, MotionResult, locking_fraction
 from ..solve.schemes import Scheme
 from ..validation import checked_count, checked_positive
 from .basis import CELLS, HANDLES, accuracy_warnings, reduce_body
@@ -96,7 +96,7 @@ class ReducedMethod:
             dt,
             len(scene.mesh.points),
             model.order,
-            locking_share(scene.mesh) if model.order == 1 else 0.0,
+            locking_fraction(scene.mesh) if model.order == 1 else 0.0,
             notes=tuple(notes),
             solution=tuple(solution),
             model_error=followed.error,

@@ -150,7 +150,7 @@ def reduced_dynamics(
     scene: Scene, model: ReducedModel, *, law: str, scheme: Scheme = Scheme.BDF2
 ) -> ReducedDynamics:
     """The body of ``scene`` at its start, moved by ``model``."""
-    space, dead = make_space(scene.mesh, model.order), stated_forces(scene, model.order)
+    space, dead = make_space(scene.mesh, model.order), nodal_forces_of(scene, model.order)
     with one_thread():
         return ReducedDynamics(
             model,
@@ -169,7 +169,7 @@ def start_velocity(scene: Scene, space: Space) -> Float[np.ndarray, "nodes 3"]:
     return extend_linear(space, at_points)
 
 
-def stated_forces(scene: Scene, order: int) -> Float[np.ndarray, "nodes 3"]:
+def nodal_forces_of(scene: Scene, order: int) -> Float[np.ndarray, "nodes 3"]:
     """Forces [N] at the nodes of elements of ``order``, of all that acts but gravity."""
     grid = discretise(scene.mesh, order)
     return load_vector(scene.mesh, grid, traction=scene.tractions, forces=scene.forces)
@@ -178,7 +178,7 @@ def stated_forces(scene: Scene, order: int) -> Float[np.ndarray, "nodes 3"]:
 def _acting(scene: Scene, model: ReducedModel) -> Float[np.ndarray, "nodes 3"]:
     """All dead forces [N] at the nodes."""
     weight = model.mass[:, None] * np.asarray(scene.gravity_vector)
-    return weight + stated_forces(scene, model.order)
+    return weight + nodal_forces_of(scene, model.order)
 
 
 def _contact_of(scene: Scene, space: Space) -> Contact:

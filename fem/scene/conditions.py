@@ -115,7 +115,7 @@ class BoundaryConditions:
                 except InputError as error:
                     raise UsageError(f"{option}: {error}") from error
                 tractions.append(load._replace(name=place.words))
-        obstacles = (*scene.obstacles, *map(stated_obstacle, self.obstacle))
+        obstacles = (*scene.obstacles, *map(parsed_obstacle, self.obstacle))
         gravity = np.asarray(scene.gravity_vector, dtype=float)
         if self.gravity_dir is not None:
             way = np.asarray(self.gravity_dir, dtype=float)
@@ -293,7 +293,7 @@ def _around(mesh: TetMesh, most: int = 8) -> str:
 OBSTACLES = Note("conditions.plane_sphere")
 
 
-def stated_obstacle(words: str) -> Obstacle:
+def parsed_obstacle(words: str) -> Obstacle:
     """Find the obstacle that ``words`` mean [m], with its velocity [m/s] after '=', if it moves.
 
     'sphere:0,0,1,0.1=0,0,-2' is a ball that comes down at 2 m/s. A plane is solid where its words

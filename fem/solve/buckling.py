@@ -7,14 +7,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..device import single_threaded, start_warp
-from ..elements.assembly import discretise, held_stiffness, node_supports
+from ..elements.assembly import constrained_stiffness, discretise, node_supports
 from ..elements.elastic import displacement_gradients, linear_stress
 from ..elements.space import element_points
 from ..errors import ConvergenceError, InputError
 from ..laws.law import Law
 from ..mesh import material_of
 from ..scene.supports import Supports
-from .modal import HeldInverse, held_inverse
+from .modal import ConstrainedInverse, constrained_inverse
 from .result import LoadFactor, StaticResult
 
 # Relative accuracy of the load factor: far below that of the elements.
@@ -31,7 +31,7 @@ LARGEST = 1000.0
 class _Pencil(NamedTuple):
     """K with its inverse, what is free (nodes, 3), and K_sigma [N/m] (nodes, nodes)."""
 
-    K: HeldInverse
+    K: ConstrainedInverse
     free: np.ndarray
     geometric: Any
 
@@ -66,8 +66,8 @@ def find_load_factor(result: StaticResult, supports: Supports) -> LoadFactor:
     material = material_of(result.mesh)
     stress = linear_stress(H, material)
     affordable = len(result.mesh.tets) <= MOST_TETS
-    matrix = held_stiffness(grid, material, held)
-    inverse = held_inverse(matrix, grid.space, held, rough=ROUGH if affordable else 0.0)
+    matrix = constrained_stiffness(grid, material, held)
+    inverse = constrained_inverse(matrix, grid.space, held, rough=ROUGH if affordable else 0.0)
     if inverse is None:
         raise ConvergenceError("buckling.tets_shape", count=len(result.mesh.tets))
     free = ~held.fixed

@@ -1,6 +1,6 @@
 """Contact with obstacles and itself: a logarithmic barrier, lagged smoothed Coulomb friction.
 
-And what a body that only stands needs of the ground, its ``foothold``.
+And what a body that only stands needs of the ground, its ``support_polygon``.
 """
 
 from __future__ import annotations
@@ -482,7 +482,7 @@ def outer(n: np.ndarray) -> np.ndarray:
     return n[:, :, None] * n[:, None, :]
 
 
-class Foothold(NamedTuple):
+class SupportPolygon(NamedTuple):
     """What a body that only stands on level ground needs of it.
 
     The load meets the ground ``inside`` [m] its feet, outside where negative: then it tips over.
@@ -493,12 +493,12 @@ class Foothold(NamedTuple):
     friction: float
 
 
-def foothold(
+def support_polygon(
     feet: Float[np.ndarray, "n 3"],
     force: Float[np.ndarray, "3"],
     moment: Float[np.ndarray, "3"],
     up: UpAxis,
-) -> Foothold:
+) -> SupportPolygon:
     """Foothold of a rigid body on level ground along the axis ``up`` below its ``feet`` [m].
 
     ``force`` [N] is that of all loads, ``moment`` [N m] theirs about the origin. A rigid body on
@@ -508,7 +508,7 @@ def foothold(
     z, upwards = up_index(up), up_vector(up)
     x, y = (z + 1) % 3, (z + 2) % 3
     if force @ upwards >= 0:
-        return Foothold(-np.inf, np.inf)
+        return SupportPolygon(-np.inf, np.inf)
     base = (feet @ upwards).min() * upwards
     about = moment - np.cross(base, force)
     place = np.array([-about[y], about[x]]) / force[z]
@@ -521,4 +521,4 @@ def foothold(
         inside = -float(np.linalg.norm(feet[:, [x, y]] - place, axis=1).min())
     else:  # outside it is a bound
         inside = float(-(sides[:, :2] @ place + sides[:, 2]).max())
-    return Foothold(inside, slides)
+    return SupportPolygon(inside, slides)

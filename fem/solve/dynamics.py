@@ -24,7 +24,7 @@ from .damping import Damping, Rayleigh
 from .error import motion_elements, motion_order
 from .method import FrameProgress, halving_notes
 from .nonlinear import minimise
-from .result import Motion, MotionResult, locking_share
+from .result import Motion, MotionResult, locking_fraction
 from .schemes import DeviceSteps, Forecast, Incremental, Kinematics, Scheme, Step, nodal_rigidity
 
 logger = logging.getLogger(__name__)
@@ -285,7 +285,7 @@ class DynamicMethod:
             halved += body._dt != dt
             if progress is not None:
                 progress(frame, frames)
-        locks, notes = locking_share(scene.mesh) if order == 1 else 0.0, body.contact.notes
+        locks, notes = locking_fraction(scene.mesh) if order == 1 else 0.0, body.contact.notes
         return MotionResult(
             tuple(states),
             dt,

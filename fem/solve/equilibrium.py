@@ -19,7 +19,7 @@ from .contact import barrier_thickness
 from .error import find_discretisation_error
 from .method import FrameProgress
 from .nonlinear import solve_nonlinear
-from .result import SagResult, StaticResult, locking_share
+from .result import SagResult, StaticResult, locking_fraction
 from .statics import solve_averaged, solve_static
 
 logger = logging.getLogger(__name__)
@@ -71,7 +71,7 @@ class StaticMethod:
             "device": device,
         }
         isotropic = material_of(scene.mesh).tensor is None
-        averaged = order is None and isotropic and locking_share(scene.mesh) > 0
+        averaged = order is None and isotropic and locking_fraction(scene.mesh) > 0
 
         def solve(*, order: int) -> StaticResult:
             """Linear elements have averaged pressures where quadratic ones are not affordable."""

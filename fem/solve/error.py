@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ..device import single_threaded
-from ..elements.assembly import discretise, held_stiffness, node_supports
+from ..elements.assembly import constrained_stiffness, discretise, node_supports
 from ..elements.space import (
     EDGES,
     LARGEST_MOVING,
@@ -26,7 +26,7 @@ from ..mesh import FACES, TetMesh, equal_faces, face_areas, material_of
 from ..note import Note
 from ..scene.loads import Traction
 from ..scene.supports import Supports
-from .modal import held_inverse, natural_modes, quick_order
+from .modal import constrained_inverse, natural_modes, quick_order
 from .result import BENDS_ALIKE, CUBIC, LOCKING, DiscretisationError, StaticResult
 
 # Unknowns of quadratic elements up to which a motion takes them where linear ones lock in bending.
@@ -109,8 +109,8 @@ def find_discretisation_error(
         return DiscretisationError(abs(largest - fine) / fine if fine > 0 else 0.0, "P1/P2")
     grid = discretise(result.mesh, 2)
     held = node_supports(supports, grid.space)
-    stiffness = held_stiffness(grid, material_of(result.mesh), held)
-    inverse = held_inverse(stiffness, grid.space, held, rough=ROUGH)
+    stiffness = constrained_stiffness(grid, material_of(result.mesh), held)
+    inverse = constrained_inverse(stiffness, grid.space, held, rough=ROUGH)
     assert inverse is not None  # it may be rough
     known = {name: loads[name] for name in ("gravity_vector", "traction")}
     moved = cubic_surplus(result, supports, inverse.solve, **known)

@@ -10,7 +10,7 @@ import numpy as np
 from ..device import checked_device
 from ..elements.assembly import Discretisation, discretise, node_supports, reduced_load, stiffness
 from ..elements.elastic import displacement_gradients, first_piola
-from ..elements.forces import mass_shares
+from ..elements.forces import mass_fractions
 from ..elements.space import TET_POINTS, affordable_order, element_points, shape_functions
 from ..errors import InputError
 from ..laws.law import Law
@@ -248,7 +248,7 @@ def implicit_step(
             pull = pull - body.damping.alpha * speed
             stresses += body.damping.stresses(u, start.u, start.v if twice else None, dt)
         work = (adjoint * pull).sum(axis=1)[grid.space.elements]
-        by_rho = mesh.volumes * (work @ mass_shares(grid.space.order))
+        by_rho = mesh.volumes * (work @ mass_fractions(grid.space.order))
         by = [_by_moduli(grid, mesh, material, stress, adjoint) for stress in stresses]
         by_E, by_nu = np.sum(by, axis=0)
         return MaterialGradient(by_E, by_nu, by_rho)

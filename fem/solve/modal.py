@@ -14,8 +14,8 @@ from ..elements.assembly import (
     Discretisation,
     add_diagonal,
     apply_supports,
+    constrained_stiffness,
     discretise,
-    held_stiffness,
     linear_stiffness,
     node_supports,
 )
@@ -23,7 +23,7 @@ from ..elements.forces import consistent_mass, diagonal_mass, lumped_mass
 from ..elements.space import LARGEST_MOVING, Space, affordable_order, extend_linear
 from ..errors import ConvergenceError, InputError
 from ..laws.law import Law
-from ..linalg.cholesky import NotPositive, find_factor, known_factor, planned_elimination
+from ..linalg.cholesky import NotPositive, cached_factor, find_factor, planned_elimination
 from ..linalg.krylov import RitzPairs, lanczos
 from ..linalg.multigrid import TwoLevel, scale
 from ..linalg.solver import MOST_ENTRIES, PIVOT, rough_inverse
@@ -65,7 +65,7 @@ class Vibrations(NamedTuple):
     def stiffness(self, shift: float = 0.0) -> BlockMatrix:
         """K + shift M [N/m], held; M in its own blocks."""
         if not shift:
-            return held_stiffness(self.grid, material_of(self.mesh), self.held)
+            return constrained_stiffness(self.grid, material_of(self.mesh), self.held)
         matrix = linear_stiffness(self.grid, material_of(self.mesh))
         values = matrix.values.numpy()
         values += shift * self.mass.data[:, None, None] * np.eye(3)
@@ -214,12 +214,12 @@ def _factored(
     plan = planned_elimination(matrix, problem.grid.space.edges)
     if not rigid:  # statics may have made the factor
         try:
-            factor = known_factor(matrix.to("cpu"), plan)
+            factor = cached_factor(matrix.to("cpu"), plan)
         except NotPositive:
             pass
     if factor is None or not factor.smallest_pivot > PIVOT:  # K is singular
         shift = SHIFT * problem.slow
-        factor = known_factor(problem.stiffness(shift).to("cpu"), plan)
+        factor = cached_factor(problem.stiffness(shift).to("cpu"), plan)
 
     def inverse(x: np.ndarray) -> np.ndarray:
         return factor.solve(x.reshape(len(problem.free), 3, -1)).reshape(x.shape)
@@ -290,7 +290,7 @@ def _lobpcg(problem: Vibrations, count: int) -> tuple[np.ndarray, np.ndarray]:
 MOST_OPERATIONS = 1e12
 
 
-class HeldInverse(NamedTuple):
+class ConstrainedInverse(NamedTuple):
     """``stiffness`` [N/m] with supports, and what ``solve`` finds for forces (nodes, 3) [N].
 
     Those must be zero where it is held. ``exact``: by a factor, to round-off.
@@ -301,9 +301,9 @@ class HeldInverse(NamedTuple):
     exact: bool
 
 
-def held_inverse(
+def constrained_inverse(
     stiffness: BlockMatrix, space: Space, held: Supports, *, rough: float = 0.0
-) -> HeldInverse | None:
+) -> ConstrainedInverse | None:
     """Inverse of a ``stiffness`` with the supports ``held`` (of nodes of ``space``), on the CPU.
 
     Where no factor is affordable by CG to the relative residual ``rough``; None if that is zero.
@@ -312,10 +312,10 @@ def held_inverse(
     plan = planned_elimination(matrix, space.edges)
     if plan.entries <= MOST_ENTRIES:
         if plan.operations <= MOST_OPERATIONS:
-            return HeldInverse(matrix, known_factor(matrix, plan).solve, True)
+            return ConstrainedInverse(matrix, cached_factor(matrix, plan).solve, True)
         if (factor := find_factor(matrix, plan)) is not None:
-            return HeldInverse(matrix, factor.solve, True)
+            return ConstrainedInverse(matrix, factor.solve, True)
     if not rough:
         return None
     known = {"points": space.nodes, "fixed": held.fixed, "edges": space.edges}
-    return HeldInverse(matrix, rough_inverse(matrix, tolerance=rough, **known), False)
+    return ConstrainedInverse(matrix, rough_inverse(matrix, tolerance=rough, **known), False)

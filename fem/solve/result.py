@@ -26,7 +26,7 @@ SAFETY = 1.5
 CUBIC = "cubic surplus"
 
 
-def locking_share(mesh: TetMesh) -> float:
+def locking_fraction(mesh: TetMesh) -> float:
     """Share of the volume of ``mesh`` that plain linear tets make too stiff: nu above 0.4."""
     volumes = mesh.volumes
     return float(volumes[material_of(mesh).nu > LOCKING].sum() / volumes.sum())
@@ -121,9 +121,9 @@ class StaticResult:
         return von_mises(self.stress)
 
     @property
-    def locking_share(self) -> float:
+    def locking_fraction(self) -> float:
         """Share of the volume that plain P1 tets make too stiff: nu above 0.4; else zero."""
-        return 0.0 if self.order == 2 or self.averaged else locking_share(self.mesh)
+        return 0.0 if self.order == 2 or self.averaged else locking_fraction(self.mesh)
 
     @property
     def max_strain(self) -> float:
@@ -250,7 +250,7 @@ class MotionResult:
         States at equal intervals ``dt`` [s], the start first.
     points, order
         Number of mesh points, the first rows of every frame; order of the elements, 0 without any.
-    locking_share, stiffening
+    locking_fraction, stiffening
         Share of the volume with nu above 0.4 under linear elements; how many times as stiff as
         quadratic ones they are in bending, NaN: not known.
     particles, kept_apart
@@ -273,7 +273,7 @@ class MotionResult:
     dt: float
     points: int
     order: int = 1
-    locking_share: float = 0.0
+    locking_fraction: float = 0.0
     particles: ParticleRun | None = None
     kept_apart: bool = False
     notes: tuple[str, ...] = ()

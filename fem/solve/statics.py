@@ -16,8 +16,8 @@ from ..device import checked_device, single_threaded, start_warp
 from ..elements.assembly import (
     BlockMatrix,
     Discretisation,
+    constrained_stiffness,
     discretise,
-    held_stiffness,
     keep_stiffness,
     node_supports,
     reduced_load,
@@ -119,7 +119,7 @@ def solve_static(
     prescribed = np.where(held.fixed, held.values, 0.0)
     body_law = ElasticBody(grid, material, Law.LINEAR)
     rhs = load - (body_law.response(prescribed).force if prescribed.any() else 0.0)
-    matrix = held_stiffness(grid, material, held)
+    matrix = constrained_stiffness(grid, material, held)
     rhs = np.where(held.fixed, 0.0, rhs)
     nodes = grid.space.nodes
     known = {"points": nodes, "fixed": held.fixed, "edges": grid.space.edges}

@@ -17,7 +17,7 @@ from ..scene.obstacles import Plane
 from ..scene.scene import Scene
 from ..solve.result import Motion
 from .motion import AnchorLoads, SpringMotion, SurfaceContact, network_frequencies
-from .network import CAUCHY_NU, Anchors, Sight, SpringNetwork, body_of_points, sample_anchors
+from .network import CAUCHY_NU, Anchors, LineOfSight, SpringNetwork, body_of_points, sample_anchors
 
 # A network has nu = 1/4: what is further from it than this is said.
 NEAR_NU = 0.05
@@ -120,7 +120,7 @@ def spring_body(
     """Network of about ``anchors`` anchors with ``neighbours`` each for a scene; see there."""
     mesh, material = scene.mesh, material_of(scene.mesh)
     faces = mesh.boundary.faces
-    surface = Sight(mesh.points, faces)
+    surface = LineOfSight(mesh.points, faces)
     placed = sample_anchors(mesh, anchors, supports=scene.held, surface=surface, seed=seed)
     network = SpringNetwork.of(placed, neighbours, surface)
     weights = interpolation(mesh.points, body_of_points(mesh), placed, surface)
@@ -190,7 +190,7 @@ def interpolation(
     points: Float[np.ndarray, "points 3"],
     body: Int[np.ndarray, "points"],
     anchors: Anchors,
-    surface: Sight,
+    surface: LineOfSight,
 ) -> Any:
     """Weights of the anchors for ``points`` [m] of the given ``body``: u = W u_anchors.
 

@@ -55,7 +55,7 @@ class SpringNetwork:
     bridges: int = 0
 
     @classmethod
-    def of(cls, anchors: Anchors, neighbours: int, surface: Sight) -> SpringNetwork:
+    def of(cls, anchors: Anchors, neighbours: int, surface: LineOfSight) -> SpringNetwork:
         """Join every anchor with its ``neighbours`` nearest ones that it sees inside the body."""
         from scipy.sparse import coo_array
         from scipy.sparse.csgraph import connected_components
@@ -254,7 +254,7 @@ def sample_anchors(
     count: int = 2048,
     *,
     supports: Supports | None = None,
-    surface: Sight | None = None,
+    surface: LineOfSight | None = None,
     seed: int = 0,
 ) -> Anchors:
     """Spread about ``count`` anchors over ``mesh``, and others over what ``supports`` hold.
@@ -271,7 +271,7 @@ def sample_anchors(
     rng = np.random.default_rng(seed)
     spacing = float(np.cbrt(mesh.volume / count))
     supports = supports or Supports.none(len(mesh.points))
-    surface = surface or Sight(mesh.points, mesh.boundary.faces)
+    surface = surface or LineOfSight(mesh.points, mesh.boundary.faces)
     fixed_x, fixed, values = _support_places(mesh, supports, spacing, rng)
 
     # Places, evenly over the volume, that hold the volume of every part
@@ -317,7 +317,7 @@ def sample_anchors(
     for k in np.unique(mesh.region):
         tets = np.flatnonzero(mesh.region == k)
         probes = rng.choice(tets, PROBED, p=mesh.volumes[tets] / mesh.volumes[tets].sum())
-        outside = Sight(mesh.points, boundary_faces(mesh.tets[tets]).faces)
+        outside = LineOfSight(mesh.points, boundary_faces(mesh.tets[tets]).faces)
         depths = outside.depth(_random_points(mesh, probes, rng))
         thickness[k] = 2 * float(np.quantile(depths, DEEPEST))
         here = part == k
@@ -364,7 +364,7 @@ def _support_places(
 
 
 def _lloyd(
-    places: np.ndarray, fixed: np.ndarray, free: int, surface: Sight, rng: np.random.Generator
+    places: np.ndarray, fixed: np.ndarray, free: int, surface: LineOfSight, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray]:
     """Cells of ``fixed`` points and of ``free`` ones: their centres, and the cell of each place."""
     from scipy.spatial import KDTree
@@ -406,7 +406,7 @@ def body_of_points(mesh: TetMesh) -> Int[np.ndarray, "points"]:
 TRIMMED = 2e-3
 
 
-class Sight:
+class LineOfSight:
     """The boundary of tets in a tree of boxes, in single precision of the body's own size.
 
     points: Positions [m], shape (points, 3).

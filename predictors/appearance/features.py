@@ -301,7 +301,7 @@ POINTS = 50_000  # on the surface: ten for each outer cell of a cube of 64
 NEAREST = 4  # points of which the mean is taken
 
 
-def cell_looks(
+def cell_appearance(
     asset: Asset, centres: Float[np.ndarray, "n 3"], *, turned: bool = False
 ) -> Float[np.ndarray, "n 7"]:
     """Return red, green, blue, opacity and ``Finish`` of what lies nearest to each centre.

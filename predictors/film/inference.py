@@ -24,8 +24,8 @@ from ..asset import UpAxis
 from ..encoders.registry import TextEncoder
 from ..field import DEFAULT, Normalisation
 from ..grid import PartVoxels, pooled
-from ..matter import MOST, by_look, by_looks, matters, moved, told_values
-from ..text.hearing import Heard, HeardClause, HintedEncoder
+from ..matter import MOST, by_appearance, by_look, matters, moved, typed_values
+from ..text.hearing import EncodedClause, EncodedText, HintedEncoder
 from .config import NetworkConfig
 from .unet import FilmUNet
 
@@ -42,10 +42,10 @@ class Inference(NamedTuple):
     ``values`` (nx, ny, nz, 3) are log E, nu, log rho in the ranges of ``normalisation``; ``shares``
     (nx, ny, nz, K + 1) say how surely each of the ``clauses`` speaks of a cell, the last one that
     none does; ``spread`` (nx, ny, nz) is the deviation of log10 E between views of the object from
-    several sides. ``of_pieces`` and ``unbound`` are as ``Heard`` has them.
+    several sides. ``of_pieces`` and ``unbound`` are as ``EncodedText`` has them.
     """
 
-    clauses: Sequence[HeardClause]
+    clauses: Sequence[EncodedClause]
     values: np.ndarray
     shares: np.ndarray
     spread: np.ndarray
@@ -73,11 +73,11 @@ class Inference(NamedTuple):
         piece = np.unique(piece, return_inverse=True)[1].ravel()
         cells = frame.upright(np.argwhere(inside), inside.shape)
         shares, values = self.shares.copy(), self.values.copy()
-        shares[inside] = by_looks(
+        shares[inside] = by_appearance(
             self.shares[inside], matters(self.clauses), cells, looks, piece,
             parts=not self.of_pieces,
         )  # fmt: skip
-        told = told_values(self.clauses, table, self.normalisation)
+        told = typed_values(self.clauses, table, self.normalisation)
         values[inside] = moved(self.values[inside], shares[inside] - self.shares[inside], told)
         return self._replace(shares=shares, values=values)
 
@@ -115,7 +115,7 @@ class FilmModel:
     def infer(
         self,
         parts: PartVoxels,
-        heard: Heard,
+        heard: EncodedText,
         *,
         up: UpAxis = "z",
         appearance: Appearance | None = None,
@@ -150,7 +150,12 @@ class FilmModel:
         return found.seen(parts, frame, appearance or Appearance(), self.table)
 
     def _scene(
-        self, parts: PartVoxels, frame: Frame, heard: Heard, appearance: Appearance, names: bool
+        self,
+        parts: PartVoxels,
+        frame: Frame,
+        heard: EncodedText,
+        appearance: Appearance,
+        names: bool,
     ) -> VoxelScene:
         """Put everything that is known into the tensors of the network."""
         import torch

@@ -21,7 +21,7 @@ from ..lookup.lookup import Lookup, lookup_of, nearest_row
 from ..partition import Partition, match_clauses, partition
 from ..prediction import Binding, PartChoice, Prediction, field_of, unbound_by
 from ..text.clauses import Sentence, bind
-from ..text.hearing import HeardSentence, hear
+from ..text.hearing import EncodedSentence, hear
 from .inference import FilmModel, Inference
 
 
@@ -67,7 +67,7 @@ class FilmPredictor:
         there = set(np.unique(parts.part).tolist())
         left_open = [i for i, choice in enumerate(choices) if not choice.settled and i in there]
         seen = appearance() if appearance else None
-        heard = hear(HeardSentence.of(sentence), parts.part_labels, self.table, self.model.words)
+        heard = hear(EncodedSentence.of(sentence), parts.part_labels, self.table, self.model.words)
         found = self.model.infer(parts, heard, up=up, appearance=seen)
         if found.of_pieces:  # the text speaks of more parts than there are
             pieces = partition(parts, left_open, found.shares, found.clauses)
@@ -100,7 +100,7 @@ class FilmPredictor:
     def field(
         self,
         parts: PartVoxels,
-        sentence: HeardSentence,
+        sentence: EncodedSentence,
         *,
         up: UpAxis = "z",
         appearance: Appearance | None = None,

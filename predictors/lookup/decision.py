@@ -15,7 +15,7 @@ from ...fem.note import Note
 from ...fem.table import FIELDS, Material, MaterialTable, MaterialValue, Span, key, load_contents
 from ..prediction import PartChoice
 from ..text.clauses import Clause, Degree, names_object
-from ..text.hearing import SHARES, HeardClause, NamedPart
+from ..text.hearing import SHARES, EncodedClause, NamedPart
 from ..text.lexicon import words
 from ..text.numerals import Measure, Quantity
 from .numbers import as_stated, may_have, rubber_of, with_numbers
@@ -161,7 +161,7 @@ class Decider:
         ]
         return replace(choice, unknown=statement.unknown), (*notes, *warnings)
 
-    def of_clause(self, part: str, clause: HeardClause, why: str) -> PartChoice:
+    def of_clause(self, part: str, clause: EncodedClause, why: str) -> PartChoice:
         """Choose for a part what a clause names, a predictor having found the part for it."""
         degree, named = _HEARD_DEGREE.get(clause.level), self.table.exact(clause.material or "")
         row = self._named(clause.phrase, named.name, degree)

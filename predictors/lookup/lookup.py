@@ -27,7 +27,7 @@ from ..field import Normalisation
 from ..grid import PartVoxels
 from ..prediction import PartChoice, Prediction
 from ..text.clauses import GENERAL, Bound, Clause, Sentence, Subject, bind
-from ..text.hearing import HeardClause, NamedPart, allocate, stem, vocabulary_of
+from ..text.hearing import EncodedClause, NamedPart, allocate, stem, vocabulary_of
 from ..text.lexicon import parts_called, words
 from ..text.numerals import Comparison
 from ..text.reader import parse
@@ -130,7 +130,7 @@ class Lookup:
                 choices[i] = as_stated(choices[i])
         return WordChoices(choices, tuple(dict.fromkeys((*warnings, *more))))
 
-    def of_clause(self, part: str, clause: HeardClause, why: str) -> PartChoice:
+    def of_clause(self, part: str, clause: EncodedClause, why: str) -> PartChoice:
         """Choose for a part the material that a clause names, soft or stiff as its level says."""
         return self._decider.of_clause(part, clause, why)
 
@@ -232,7 +232,7 @@ def _allocated(
     if not lost:
         return out
     given = allocate(
-        [HeardClause.of(clause) for clause in naming],
+        [EncodedClause.of(clause) for clause in naming],
         [parts[i] for i in free],
         similarity=kernel.similarity,
         category=lambda phrase: table.exact(phrase).category,

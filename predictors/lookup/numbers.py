@@ -9,9 +9,17 @@ from typing import NamedTuple
 
 from ...fem.errors import UsageError
 from ...fem.note import Note
-from ...fem.table import CATEGORIES, FIELDS, NU_CAP, Material, MaterialValue, Span, stated_material
+from ...fem.table import (
+    CATEGORIES,
+    FIELDS,
+    NU_CAP,
+    Material,
+    MaterialValue,
+    Span,
+    material_of_values,
+)
 from ..prediction import PartChoice
-from ..text.numerals import Blend, Quantity, wall_said
+from ..text.numerals import Blend, Quantity, wall_named
 
 # E, nu and rho from what is said in place of them: hardness, infill, a second matter.
 #
@@ -176,7 +184,7 @@ def with_numbers(
         before = value
         value = _of_mass(part, row, value, said["mass"], volume, how, warnings, named=named)
         weighed = value != before
-    if "thickness" in said and not wall_said(part, [said["thickness"]]):
+    if "thickness" in said and not wall_named(part, [said["thickness"]]):
         warnings.append(Note("numbers.part_changes", part=part, text=said["thickness"].text))
     exact = {name: said[name].value for name in ("E", "nu", "rho") if name in said}
     if exact:
@@ -194,7 +202,7 @@ def as_stated(choice: PartChoice) -> PartChoice:
     """Settle a choice whose E, nu and rho are all stated: a guessed row is none any more."""
     if not choice.guessed:
         return replace(choice, settled=True)
-    row, why = stated_material(choice.value), choice.derivation[-1]
+    row, why = material_of_values(choice.value), choice.derivation[-1]
     return replace(choice, row=row, why=why, weight=1.0, settled=True, guessed=False, doubts=())
 
 

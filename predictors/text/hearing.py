@@ -583,7 +583,7 @@ _TEMPLATE = re.compile(r"((this|it) is |an image of )?an? [\w -]{1,40}\.?", re.I
 
 
 @dataclass(frozen=True)
-class HeardClause:
+class EncodedClause:
     """One statement of a sentence.
 
     text: Its words, without those that say nothing.
@@ -609,7 +609,7 @@ class HeardClause:
             object.__setattr__(self, "phrase", self.material or "")
 
     @classmethod
-    def of(cls, clause: Clause) -> HeardClause:
+    def of(cls, clause: Clause) -> EncodedClause:
         """Return a clause as a network hears it: its telling words, stems of its subject."""
         raw = re.findall(r"[\w'-]+", clause.text)
         text = " ".join(word for word in raw if word.lower() not in FILLERS)
@@ -624,20 +624,20 @@ class HeardClause:
         )  # fmt: skip
 
 
-class HeardSentence(NamedTuple):
+class EncodedSentence(NamedTuple):
     """A text, read once: every later stage takes its clauses and not its characters."""
 
     text: str
-    clauses: tuple[HeardClause, ...]
+    clauses: tuple[EncodedClause, ...]
 
     @classmethod
-    def of(cls, sentence: Sentence) -> HeardSentence:
+    def of(cls, sentence: Sentence) -> EncodedSentence:
         """Return a sentence as a network hears it: without words that nobody understood."""
         known = (c for c in sentence.clauses if c.material or not c.unknown)
-        return cls(sentence.text, tuple(HeardClause.of(clause) for clause in known))
+        return cls(sentence.text, tuple(EncodedClause.of(clause) for clause in known))
 
     @property
-    def stated(self) -> tuple[HeardClause, ...]:
+    def stated(self) -> tuple[EncodedClause, ...]:
         """Its clauses; none where it only says what the object is."""
         says = any(clause.material or clause.level for clause in self.clauses)
         return self.clauses if says or not _TEMPLATE.fullmatch(self.text.strip()) else ()
@@ -731,13 +731,13 @@ def _strength(noun: str, part: NamedPart) -> float:
     return FRAME if is_frame else 0.0
 
 
-def nouns_of(clause: HeardClause) -> tuple[str, ...]:
+def nouns_of(clause: EncodedClause) -> tuple[str, ...]:
     """Part words of a clause; of "soil" alone the material is the part."""
     return clause.parts or tuple(map(stem, clause.phrase.split()))
 
 
 def overlap(
-    clauses: Sequence[HeardClause], parts: Sequence[NamedPart]
+    clauses: Sequence[EncodedClause], parts: Sequence[NamedPart]
 ) -> Float[np.ndarray, "clauses parts"]:
     """Word overlap of every clause with every part, summed over the clause's nouns."""
     many = len({clause.material for clause in clauses if clause.material}) > 1
@@ -754,13 +754,13 @@ def overlap(
     return score
 
 
-def of_pieces(clauses: Sequence[HeardClause], parts: Sequence) -> bool:
+def of_pieces(clauses: Sequence[EncodedClause], parts: Sequence) -> bool:
     """Whether a text speaks of more parts than the asset has, and so of pieces of them."""
     return len(clauses) > len(parts)
 
 
 def unbound_clauses(
-    clauses: Sequence[HeardClause], score: Float[np.ndarray, "clauses parts"]
+    clauses: Sequence[EncodedClause], score: Float[np.ndarray, "clauses parts"]
 ) -> list[int]:
     """Clauses about parts that no part of the asset is called after: legs of a chair in one piece.
 
@@ -779,7 +779,7 @@ def unbound_clauses(
 
 
 def allocate(
-    clauses: Sequence[HeardClause],
+    clauses: Sequence[EncodedClause],
     parts: Sequence[NamedPart],
     *,
     similarity: Callable[[list[str], list[str]], np.ndarray],
@@ -823,7 +823,7 @@ SAME_MATTER = 2.0  # "the metal is iron" of a part that the asset calls chrome: 
 SHARED_WORD, LIKE_WORD = 1.0, 0.5
 
 
-class Heard(NamedTuple):
+class EncodedText(NamedTuple):
     """What a network is told of a sentence and of the names of an asset's parts.
 
     clauses: Those that say something.
@@ -838,7 +838,7 @@ class Heard(NamedTuple):
     spoken: Whether there is a text at all.
     """
 
-    clauses: Sequence[HeardClause]
+    clauses: Sequence[EncodedClause]
     vectors: np.ndarray
     names: np.ndarray
     whole: np.ndarray
@@ -852,11 +852,11 @@ class Heard(NamedTuple):
 
 
 def hear(
-    sentence: HeardSentence,
+    sentence: EncodedSentence,
     labels: Sequence[Sequence[str]],
     table: MaterialTable,
     encoder: HintedEncoder,
-) -> Heard:
+) -> EncodedText:
     """Return all that a network is told in words, of parts with these ``labels``."""
     clauses, vocabulary = sentence.stated, vocabulary_of(table)
     parts = [NamedPart.of(words, vocabulary, 0.0) for words in labels]
@@ -866,7 +866,7 @@ def hear(
     fits, trust = np.zeros((0, len(parts))), 0.0
     if clauses:
         fits, trust = name_evidence(clauses, parts, encoder.encoder)
-    return Heard(
+    return EncodedText(
         clauses,
         vectors[: len(texts)],
         vectors[len(texts) : -1],
@@ -882,7 +882,7 @@ def hear(
 
 
 def name_evidence(
-    clauses: Sequence[HeardClause], named: Sequence[NamedPart], encoder: TextEncoder
+    clauses: Sequence[EncodedClause], named: Sequence[NamedPart], encoder: TextEncoder
 ) -> tuple[Float[np.ndarray, "clauses parts"], float]:
     """How well each part's own name fits each clause, and how far that is to be trusted."""
     score = np.clip(overlap(clauses, named), 0, 3)

@@ -370,7 +370,7 @@ class Quantity:
     called: bool = True
 
 
-def wall_said(part: str, numbers: Sequence[Quantity]) -> Quantity | None:
+def wall_named(part: str, numbers: Sequence[Quantity]) -> Quantity | None:
     """The thickness of the wall that numbers give a part: "2 mm walls", not "2 mm thick".
 
     A part that is called a wall has none around it.

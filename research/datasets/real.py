@@ -14,7 +14,7 @@ from jaxtyping import Float, Float16, UInt8
 
 from ...fem.errors import InputError
 from ...fem.table import Material, load_table
-from ...predictors.appearance.features import cell_looks
+from ...predictors.appearance.features import cell_appearance
 from ...predictors.appearance.surface import (
     SPACING,
     material_name,
@@ -109,7 +109,7 @@ def voxelise(asset: Asset, name: str, source: str) -> RealObject:
     nearest: Any = distance_transform_edt(~shell, return_distances=False, return_indices=True)
     label = np.where(inside, label[tuple(nearest)], EMPTY).astype(np.uint8)
     cells = np.argwhere(inside)
-    seen = cell_looks(asset, lo + (cells + 0.5) * h, turned=True)
+    seen = cell_appearance(asset, lo + (cells + 0.5) * h, turned=True)
     looks = _measured(cells, seen, label[inside], len(slots))
     return RealObject(
         name, source, label, tuple(slots), np.array(colours), looks=looks,

@@ -16,9 +16,9 @@ from ...predictors.encoders.registry import TextEncoder
 from ...predictors.field import Normalisation
 from ...predictors.film.inference import VISION, standard
 from ...predictors.grid import Grid, PartVoxels, pooled
-from ...predictors.matter import by_look, by_looks, matters, moved, told_values
+from ...predictors.matter import by_appearance, by_look, matters, moved, typed_values
 from ...predictors.partition import match_clauses
-from ...predictors.text.hearing import HeardClause, NamedPart, Vocabulary, name_evidence, subject
+from ...predictors.text.hearing import EncodedClause, NamedPart, Vocabulary, name_evidence, subject
 from .held_out import HeldOutObject
 from .parser import listen
 from .rows import Setting, VoxelPredictor
@@ -169,8 +169,8 @@ def with_looks(
     )
     clauses = _clauses(example)
     piece = np.unique(part[inside], return_inverse=True)[1] if parts else by_look(looks)
-    dealt = by_looks(shares, matters(clauses), np.argwhere(inside), looks, piece, parts=parts)
-    told = told_values(clauses, load_table(), normalisation)
+    dealt = by_appearance(shares, matters(clauses), np.argwhere(inside), looks, piece, parts=parts)
+    told = typed_values(clauses, load_table(), normalisation)
     columns = []
     for whole, found in (
         (output.values, moved(values, dealt - shares, told)),
@@ -198,7 +198,7 @@ def with_one_matter(output: Output, example: HeldOutObject, normalisation: Norma
         parts = _part_voxels(part, [f"part {i}" for i in range(names)])
         found = match_clauses(parts, range(names), shares, here)
         owner = np.array([len(clauses) if one is None else one for one in found])[part]
-    told = np.vstack([told_values(clauses, load_table(), normalisation), np.full(3, np.nan)])
+    told = np.vstack([typed_values(clauses, load_table(), normalisation), np.full(3, np.nan)])
     known = (part >= 0) & np.isfinite(told[owner, 0])
     values = output.values.float().clone()
     values[0, :, torch.from_numpy(known)] = torch.from_numpy(told[owner[known]].T).float()
@@ -257,13 +257,13 @@ def _part_voxels(part: np.ndarray, names: Sequence[str]) -> PartVoxels:
     return PartVoxels(Grid(np.zeros(3), 1 / len(part), part.shape), part, tuple(names))
 
 
-def _clauses(example: HeldOutObject) -> list[HeardClause]:
+def _clauses(example: HeldOutObject) -> list[EncodedClause]:
     """What every slot says, an empty clause where it says nothing."""
-    return [_one_clause(said) if said else HeardClause("") for said in example.said]
+    return [_one_clause(said) if said else EncodedClause("") for said in example.said]
 
 
-def _one_clause(said: str) -> HeardClause:
+def _one_clause(said: str) -> EncodedClause:
     """Read as one what was written as one: "use velvet for the fabric" speaks of fabric."""
-    first, *others = [*listen(said, load_table()).clauses, HeardClause(said)]
+    first, *others = [*listen(said, load_table()).clauses, EncodedClause(said)]
     spoken_of = [part for clause in others for part in (clause.phrase, *clause.parts) if part]
-    return HeardClause(said, first.material, (*first.parts, *spoken_of))
+    return EncodedClause(said, first.material, (*first.parts, *spoken_of))

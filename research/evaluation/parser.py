@@ -23,8 +23,8 @@ from ...fem.table import MaterialTable
 from ...predictors.text import hearing as words
 from ...predictors.text.hearing import (
     TOKEN,
-    HeardClause,
-    HeardSentence,
+    EncodedClause,
+    EncodedSentence,
     Vocabulary,
     stem,
     vocabulary_of,
@@ -75,9 +75,9 @@ class _Draft:
         self.material, self.material_stems = token.word, token.stems
         self.predicate = bool(self.nouns)
 
-    def clause(self, text: str) -> HeardClause:
+    def clause(self, text: str) -> EncodedClause:
         said = " ".join(token.said for token in self.words)
-        return HeardClause(
+        return EncodedClause(
             said, self.material, tuple(self.subject), self.level, self._written(text)
         )
 
@@ -89,7 +89,7 @@ class _Draft:
         return " ".join(text[spans[0][0] : spans[-1][1]].split())
 
 
-def listen(text: str, table: MaterialTable) -> HeardSentence:
+def listen(text: str, table: MaterialTable) -> EncodedSentence:
     """Read a text by the words of a table.
 
     Raises
@@ -103,7 +103,7 @@ def listen(text: str, table: MaterialTable) -> HeardSentence:
         )
     drafts = _merge(_scan(tokenise(text, vocabulary_of(table))))
     clauses = (draft.clause(text) for draft in drafts if draft.material or draft.subject)
-    return HeardSentence(text, tuple(clauses))
+    return EncodedSentence(text, tuple(clauses))
 
 
 def _scan(tokens: list[Token]) -> list[_Draft]:

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from ...fem.errors import InputError
-from ...predictors.matter import FEATURES, PLAIN, KindsByLooks, Regression
+from ...predictors.matter import FEATURES, PLAIN, CategoriesByAppearance, Regression
 from ...predictors.text.hearing import KINDS
 from ..datasets.real import RealObject, kind_index
 
@@ -18,7 +18,7 @@ from ..datasets.real import RealObject, kind_index
 PENALTY = 10.0
 
 
-def train_kinds(objects: Iterable[RealObject]) -> tuple[KindsByLooks, int]:
+def train_kinds(objects: Iterable[RealObject]) -> tuple[CategoriesByAppearance, int]:
     """Fit kinds to looks; return how many slots taught it, too."""
     rows, kinds = [], []
     for item in objects:
@@ -33,10 +33,10 @@ def train_kinds(objects: Iterable[RealObject]) -> tuple[KindsByLooks, int]:
     return fit_kinds(np.array(rows), np.array(kinds), penalty=PENALTY), len(rows)
 
 
-def fit_kinds(features: np.ndarray, kind: np.ndarray, *, penalty: float) -> KindsByLooks:
+def fit_kinds(features: np.ndarray, kind: np.ndarray, *, penalty: float) -> CategoriesByAppearance:
     """Fit both to ``FEATURES`` (n, F) of pieces of known ``kind`` (n,)."""
     plain = fit_regression(features[:, :PLAIN], kind, penalty=penalty)
-    return KindsByLooks(fit_regression(features, kind, penalty=penalty), plain)
+    return CategoriesByAppearance(fit_regression(features, kind, penalty=penalty), plain)
 
 
 def fit_regression(
@@ -64,7 +64,7 @@ def fit_regression(
     return Regression(mean, deviation, w[:-1], w[-1], wanted.mean(axis=0))
 
 
-def save_kinds(path: Path, kinds: KindsByLooks) -> None:
+def save_kinds(path: Path, kinds: CategoriesByAppearance) -> None:
     """Write both as JSON, five digits each."""
     found = {"features": FEATURES, "kinds": KINDS}
     for name in ("finished", "plain"):

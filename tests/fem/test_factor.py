@@ -11,9 +11,9 @@ from autophyx_tet.fem.linalg import solver
 from autophyx_tet.fem.linalg.cholesky import (
     CholeskyFactor,
     NotPositive,
+    cached_factor,
     dissect,
     join_supernodes,
-    known_factor,
     plan_elimination,
 )
 from autophyx_tet.fem.mesh import box_mesh
@@ -137,11 +137,11 @@ def test_one_factor_for_one_matrix(monkeypatch):
     values = matrix.values.numpy()
     values[diagonal_slots(matrix)] += np.eye(3)
     plan = plan_elimination(matrix)
-    one = known_factor(matrix, plan)
+    one = cached_factor(matrix, plan)
     again = BlockMatrix(matrix.rows, matrix.columns, start_warp().clone(matrix.values))
-    assert known_factor(again, plan) is one
+    assert cached_factor(again, plan) is one
     values[diagonal_slots(matrix)[0]] *= 1 + EPS
-    assert known_factor(matrix, plan) is not one
+    assert cached_factor(matrix, plan) is not one
 
 
 def diagonal_slots(matrix: BlockMatrix) -> np.ndarray:

@@ -70,8 +70,8 @@ def test_locking_share():
     body = mesh.with_material(type(mesh.material)(mesh.material.E, nu, mesh.material.rho))
     held = Supports.clamp(len(mesh.points), mesh.points[:, 2] == 0)
     share = mesh.volumes[nu > 0.45].sum() / mesh.volume
-    assert solve_static(body, held, order=1).locking_share == pytest.approx(share)
-    assert solve_static(body, held, order=2).locking_share == 0
+    assert solve_static(body, held, order=1).locking_fraction == pytest.approx(share)
+    assert solve_static(body, held, order=2).locking_fraction == 0
 
 
 def _pad(cells):
@@ -114,7 +114,7 @@ def test_averaged_pressures_where_quadratic_elements_are_not_affordable(monkeypa
     monkeypatch.setattr("autophyx_tet.fem.elements.space.LARGEST_P2", 0)
     averaged = sag(mesh, law="linear")
     assert averaged.static.averaged
-    assert averaged.static.locking_share == 0 < linear.static.locking_share
+    assert averaged.static.locking_fraction == 0 < linear.static.locking_fraction
     off = [abs(r.max_displacement / fine.max_displacement - 1) for r in (averaged, linear)]
     assert off[0] < 0.5 * off[1]
     assert "averaged around the nodes" in locking(averaged.static).sentence

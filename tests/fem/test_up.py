@@ -10,7 +10,7 @@ from autophyx_tet.fem.mpm.boundaries import scene_room
 from autophyx_tet.fem.scenarios import sag
 from autophyx_tet.fem.scene.obstacles import Plane
 from autophyx_tet.fem.scene.up import UpAxis, half_turn, lowest_corner, up_index, up_vector
-from autophyx_tet.fem.solve.contact import foothold
+from autophyx_tet.fem.solve.contact import support_polygon
 from autophyx_tet.fem.solve.method import SCENARIOS
 from autophyx_tet.toolkit.verdict.checks import stays_upright
 
@@ -102,5 +102,5 @@ def test_feet_of_a_body_upside_down():
     """A load in the middle of four feet at the top end of the axis."""
     square = np.array([[0.0, 1, 0], [1, 1, 0], [0, 1, 1], [1, 1, 1]])
     force = np.array([0.0, 2.0, 0])
-    held = foothold(square, force, np.cross([0.5, 0.0, 0.5], force), "-y")
+    held = support_polygon(square, force, np.cross([0.5, 0.0, 0.5], force), "-y")
     assert held == pytest.approx((0.5, 0.0))

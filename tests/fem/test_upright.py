@@ -7,7 +7,7 @@ import pytest
 from autophyx_tet.fem.mesh import box_mesh
 from autophyx_tet.fem.scenarios import Poke, Sag
 from autophyx_tet.fem.scene.scene import Hold
-from autophyx_tet.fem.solve.contact import foothold
+from autophyx_tet.fem.solve.contact import support_polygon
 from autophyx_tet.fem.solve.equilibrium import StaticMethod
 from autophyx_tet.toolkit.verdict.checks import stays_upright
 
@@ -85,8 +85,8 @@ def test_feet_on_a_line_hold_nothing():
     """And a load right above a corner is on the edge, up being any axis."""
     line = np.array([[0.0, 0, 0], [1, 0, 0], [2, 0, 0]])
     down = np.array([0, 0, -1.0])
-    assert foothold(line, down, np.cross([1, 0.1, 1], down), "z").inside < 0
+    assert support_polygon(line, down, np.cross([1, 0.1, 1], down), "z").inside < 0
     square = np.array([[0.0, 0, 0], [1, 0, 0], [0, 0, 1], [1, 0, 1]])
     force = np.array([0.5, -1.0, 0])
-    held = foothold(square, force, np.cross([0.5, 1.0, 0.5], force), "y")
+    held = support_polygon(square, force, np.cross([0.5, 1.0, 0.5], force), "y")
     assert held == pytest.approx((0.0, 0.5))

@@ -15,7 +15,7 @@ from autophyx_tet.predictors.lookup.lookup import Lookup, lookup_of
 from autophyx_tet.predictors.partition import SPECK, partition
 from autophyx_tet.predictors.prediction import Prediction
 from autophyx_tet.predictors.text.hearing import (
-    HeardClause,
+    EncodedClause,
     HintedEncoder,
     NamedPart,
     overlap,
@@ -116,8 +116,8 @@ def halves(parts: PartVoxels, *, speck: bool = False) -> Inference:
         shares[4:6, 4:6, 1:3] = [0, 0, 1]  # under 1 % of the cells
     values = np.zeros((*parts.part.shape, 3), dtype=np.float32)
     clauses = [
-        HeardClause("oak legs", "oak", ("leg",)),
-        HeardClause("soft foam seat", "soft foam", ("seat",)),
+        EncodedClause("oak legs", "oak", ("leg",)),
+        EncodedClause("soft foam seat", "soft foam", ("seat",)),
     ]
     return Inference(clauses, values, shares, np.zeros(parts.part.shape))
 

@@ -76,7 +76,7 @@ def test_who_decides():
     """Options before shape, shape before words, words before nothing."""
     assert of("a steel can", solid=True).form == "solid"
     assert of("a steel can", wall=0.001).wall == (0.001, 0.001)
-    assert of("a steel can", hull_share=0.2).form == "walls in its shape"
+    assert of("a steel can", hull_fraction=0.2).form == "walls in its shape"
     assert of("a solid steel can").form == "solid"
     assert of("a steel can").form == "shell"
     assert of("a hollow steel sphere", smallest_side=0.1).wall == pytest.approx((0.001, 0.01))

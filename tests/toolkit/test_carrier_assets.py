@@ -8,7 +8,7 @@ from autophyx_tet.converters.points.gaussians import standard_columns
 from autophyx_tet.converters.points.table import PointTable, write_points
 from autophyx_tet.fem.errors import InputError, NoVolumeError
 from autophyx_tet.toolkit.asset import load as clouds
-from autophyx_tet.toolkit.asset.load import guessed_share, load_asset
+from autophyx_tet.toolkit.asset.load import guessed_fraction, load_asset
 from autophyx_tet.toolkit.meshing.convert import tetrahedralize
 
 BALL = 4 / 3 * np.pi
@@ -101,8 +101,8 @@ def test_what_is_no_body_is_told(tmp_path):
 def test_the_guessed_share_of_a_surface():
     """Points on a unit ball below z = 1/2: the cap above is a quarter of its area, 2 pi (1 - z)."""
     ball, x = trimesh.creation.icosphere(5), sphere(60_000)
-    assert guessed_share(ball, x) == 0
-    assert guessed_share(ball, x[x[:, 2] < 0.5]) == pytest.approx(0.25, abs=0.06)
+    assert guessed_fraction(ball, x) == 0
+    assert guessed_fraction(ball, x[x[:, 2] < 0.5]) == pytest.approx(0.25, abs=0.06)
 
 
 def test_a_cloud_far_from_its_surface_is_refused(tmp_path, monkeypatch):

@@ -13,7 +13,7 @@ from autophyx_tet.toolkit.asset.surface import Surface
 from autophyx_tet.toolkit.asset.triangles import edge_components
 from autophyx_tet.toolkit.meshing.convert import tetrahedralize
 from autophyx_tet.toolkit.meshing.ftetwild import EngineTarget
-from autophyx_tet.toolkit.meshing.stuffing.mesher import resolving, without_crumbs
+from autophyx_tet.toolkit.meshing.stuffing.mesher import resolving, without_fragments
 from autophyx_tet.toolkit.meshing.stuffing.pieces import came_off
 
 from .test_stuffing import solids_of, turned
@@ -117,7 +117,7 @@ def test_crumbs_go_and_small_bodies_stay():
     meshes, starts = (block, screw, crumb), (0, 27, 35)
     points = np.concatenate([m.points for m in meshes])
     tets = np.concatenate([m.tets + n for m, n in zip(meshes, starts, strict=True)])
-    kept = without_crumbs(points, tets, solids)
+    kept = without_fragments(points, tets, solids)
     assert kept.sum() == len(block.tets) + len(screw.tets)
     assert not kept[-len(crumb.tets) :].any()
 

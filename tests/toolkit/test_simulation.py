@@ -17,7 +17,11 @@ from autophyx_tet.toolkit.asset.document import Sidecar
 from autophyx_tet.toolkit.options import SimulateOptions
 from autophyx_tet.toolkit.pipeline import simulate
 from autophyx_tet.toolkit.simulation import scenario
-from autophyx_tet.toolkit.verdict.simulation import Moving, Ringing, Settled
+from autophyx_tet.toolkit.verdict.simulation import (
+    ModalSimulation,
+    MotionSimulation,
+    StaticSimulation,
+)
 
 LENGTH, SIDE = 1.0, 0.1
 
@@ -32,7 +36,7 @@ def column():
 def test_sag_knows_the_first_frequency(column):
     """A clamped beam: f = 1.8751^2 / (2 pi L^2) sqrt(E I / rho A); 3 %: two cells across."""
     result = simulate(column, options=SimulateOptions())
-    assert isinstance(result, Settled)
+    assert isinstance(result, StaticSimulation)
     bending = np.sqrt(1e8 * SIDE**2 / 12 / 1000.0)
     exact = 1.8751**2 / (2 * np.pi * LENGTH**2) * bending
     np.testing.assert_allclose(result.frequencies[:2], exact, rtol=0.03)
@@ -42,7 +46,7 @@ def test_sag_knows_the_first_frequency(column):
 def test_modal_writes_shapes_and_one_period(column, tmp_path):
     options = SimulateOptions(scenario="modal", modes=3)
     result = simulate(column, output=tmp_path / "ring.vtu", options=options)
-    assert isinstance(result, Ringing)
+    assert isinstance(result, ModalSimulation)
     assert result.document()["modal"]["frequencies"] == result.frequencies
     data = read_data(tmp_path / "ring.vtu")
     assert {"displacement", "mode_1", "mode_2", "mode_3"} <= set(data.point_data)
@@ -76,7 +80,7 @@ def test_drop_falls_bounces_and_is_written_whole(tmp_path):
     mesh = mesh.with_material(ElementMaterial.uniform(6, E=1e6, nu=0.4, rho=1000.0))
     options = SimulateOptions(scenario="drop", drop_height=0.02)
     result = simulate(mesh, output=tmp_path / "drop.pvd", options=options)
-    assert isinstance(result, Moving)
+    assert isinstance(result, MotionSimulation)
     answer = result.document()["motion"]
     assert answer["smallest_gap"] > 0
     assert answer["max_contact_force"] > mesh.mass * 9.81

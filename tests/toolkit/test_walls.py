@@ -9,7 +9,7 @@ from autophyx_tet.fem.mesh import TetMesh, box_mesh
 from autophyx_tet.fem.table import load_table
 from autophyx_tet.predictors.asset import Asset, Part
 from autophyx_tet.toolkit.options import AssignOptions, ConvertOptions
-from autophyx_tet.toolkit.walls import WallOptions, bodies_of, with_stated_walls
+from autophyx_tet.toolkit.walls import WallOptions, bodies_of, with_named_walls
 
 CAN = (0.066, 0.066, 0.115)
 SURFACE = 2 * (0.066**2 + 2 * 0.066 * 0.115)
@@ -72,7 +72,7 @@ def test_walls_that_all_texts_state_are_known_before_the_mesh():
     two = "a steel cup with a 2 mm wall"
 
     def stated(*texts, walls=None):
-        found, said = with_stated_walls(asset, texts, walls, None)
+        found, said = with_named_walls(asset, texts, walls, None)
         assert found is asset
         return {} if said is None else said.by_part()
 

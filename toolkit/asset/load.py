@@ -314,7 +314,7 @@ def reconstructed(path: Path, content: AssetContent) -> AssetContent:
     if not len(surface["faces"]):
         raise InputError(f"{path}: no surface through its {len(cloud)} points")
     mesh = trimesh.Trimesh(surface["points"] * size + lo, surface["faces"], process=False)
-    guess = guessed_share(mesh, cloud)
+    guess = guessed_fraction(mesh, cloud)
     if guess > GUESS_MOST:
         raise NoVolumeError(
             f"{path}: its {len(cloud)} points cover no closed surface: {guess:.0%} of the one "
@@ -329,7 +329,7 @@ def reconstructed(path: Path, content: AssetContent) -> AssetContent:
     )
 
 
-def guessed_share(mesh: trimesh.Trimesh, cloud: Places) -> float:
+def guessed_fraction(mesh: trimesh.Trimesh, cloud: Places) -> float:
     """Share of a surface's area that lies far from all points, by their spacing there."""
     from scipy.spatial import KDTree
 

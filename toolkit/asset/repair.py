@@ -529,7 +529,7 @@ def _crossed(
     return below, above, patch[asked]
 
 
-def enclosed_shares(points: Points, faces: Faces, where: Places) -> Float[np.ndarray, "n"]:
+def enclosed_fractions(points: Points, faces: Faces, where: Places) -> Float[np.ndarray, "n"]:
     """Share of all directions in which each point lies on the inner side of the surface.
 
     There a ray leaves it more often than it enters it, or the reverse where that is usual. The

@@ -295,7 +295,9 @@ SEED = 0  # the same body has the same wall
 REACHED = 1e-3  # of its depth: round-off of the distance back to the face that a point lies under
 
 
-def wall_share(points: Points, faces: Faces, wall: float, *, samples: int = SAMPLES) -> WallShare:
+def wall_fraction(
+    points: Points, faces: Faces, wall: float, *, samples: int = SAMPLES
+) -> WallShare:
     """Shares of volume and bending of the layer within ``wall`` [m] of a closed, outward surface.
 
     Points are dropped from random places of the surface to random depths; those that are nearer to
@@ -327,7 +329,7 @@ def wall_share(points: Points, faces: Faces, wall: float, *, samples: int = SAMP
     return WallShare(min(float(layer * own.sum() / volume), 1.0), min(float(bending), 1.0))
 
 
-def hull_share(points: Points, faces: Faces) -> float:
+def hull_fraction(points: Points, faces: Faces) -> float:
     """Volume inside a closed surface [m] by that of its convex hull: 1 of a ball."""
     from scipy.spatial import ConvexHull
 

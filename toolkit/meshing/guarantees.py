@@ -12,7 +12,7 @@ from jaxtyping import Bool, Int
 
 from ...fem.mesh import TetMesh, boundary_faces, face_areas
 from ...predictors.asset import Part
-from ..asset.repair import WELD_REL, RepairReport, enclosed_shares, oriented, stacked, weld
+from ..asset.repair import WELD_REL, RepairReport, enclosed_fractions, oriented, stacked, weld
 from ..asset.solids import Solids
 from ..asset.surface import Surface, face_edges, incoherence, open_components
 from ..asset.triangles import (
@@ -95,7 +95,7 @@ class FileSurface:
         if open_components(self.seen).any():
             which = np.flatnonzero(inside)
             layers = np.maximum(windings[0 if as_read else 1][which], 1)
-            free = 1 - enclosed_shares(surface.points, surface.faces, where[which])
+            free = 1 - enclosed_fractions(surface.points, surface.faces, where[which])
             inside[which] = free < (1 - CERTAIN) ** layers
         return inside
 

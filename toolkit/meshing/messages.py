@@ -8,7 +8,7 @@ from ...fem.mesh import TetMesh, boundary_faces
 from ...predictors.asset import Asset
 from ...predictors.construction import IN_ITS_SHAPE, head_of_name, kinds_named
 from ..asset.repair import MOST_CROSSED
-from ..asset.solids import hull_share
+from ..asset.solids import hull_fraction
 from .guarantees import BROKEN, MOST_LOST, SHARE_TOLD, Attempt, ConversionReport, FileLosses
 from .meshers import STUFFING
 
@@ -225,6 +225,6 @@ def likely_hollow(asset: Asset, mesh: TetMesh, walls: Mapping[int, float]) -> tu
         shell = any(kind.hollow != "never" for kind in kinds)
         if shell and number not in walls and part.name in mesh.region_names:
             tets = mesh.tets[mesh.region == mesh.region_names.index(part.name)]
-            if hull_share(mesh.points, boundary_faces(tets).faces) >= IN_ITS_SHAPE:
+            if hull_fraction(mesh.points, boundary_faces(tets).faces) >= IN_ITS_SHAPE:
                 hollow.append(part.name)
     return tuple(hollow)

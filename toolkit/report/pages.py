@@ -34,7 +34,7 @@ from ..meshing.quality import Quality, dihedral_angles, quality
 from ..verdict.checks import GIVES_WAY
 from ..verdict.description import describe, marks
 from ..verdict.run import RunResult, Stopwatch
-from ..verdict.simulation import Ringing, Settled, Simulation
+from ..verdict.simulation import ModalSimulation, Simulation, StaticSimulation
 from ..verdict.verdict import Verdict, si
 from .html import Case, Fact, Look, PartRow, ReportContent, TouchBody, report_page, write_report
 from .picture import CAPTION, PARTICLES, feature_png, particle_film, render_png, story
@@ -177,8 +177,8 @@ def _case(
 ) -> Case:
     """One text and its answer; where no body can be pulled, the terminal hears why."""
     modes, doubts = simulation.vibrations, chosen.get("doubts")
-    rings = isinstance(simulation, Ringing)
-    rests = simulation if isinstance(simulation, Settled) else None
+    rings = isinstance(simulation, ModalSimulation)
+    rests = simulation if isinstance(simulation, StaticSimulation) else None
     parts = chosen.get("parts", [])
     rows = []
     for row in parts:
@@ -322,11 +322,11 @@ def unheard(doubts: Sequence[str]) -> Fact:
 
 def found(simulation: Simulation, parts: Sequence[dict[str, Any]]) -> Iterator[Fact]:
     """What moves most, whether it gives way, and how well the materials are known."""
-    if isinstance(simulation, Ringing):
+    if isinstance(simulation, ModalSimulation):
         first = simulation.frequencies[:1]
         yield "Rings", f"first at {si(first[0], 'Hz')}" if first else "no frequency was found"
     else:
-        rests = isinstance(simulation, Settled)
+        rests = isinstance(simulation, StaticSimulation)
         frames = simulation.displacement[None] if rests else simulation.animation.displacement
         far = np.linalg.norm(frames, axis=-1).max(axis=0)
         point, mesh = int(far.argmax()), simulation.mesh
@@ -335,7 +335,10 @@ def found(simulation: Simulation, parts: Sequence[dict[str, Any]]) -> Iterator[F
         place = ", ".join(f"{x:.3g}" for x in mesh.points[point])
         when = "" if rests else " at most"
         yield "Moves most", f"{part} by {si(float(far[point]), 'm')}{when}, at ({place}) m"
-    yield "Gives way", _gives_way(simulation) if isinstance(simulation, Settled) else UNJUDGED
+    yield (
+        "Gives way",
+        _gives_way(simulation) if isinstance(simulation, StaticSimulation) else UNJUDGED,
+    )
     if not parts:
         return
     guesses = []
@@ -353,7 +356,7 @@ def found(simulation: Simulation, parts: Sequence[dict[str, Any]]) -> Iterator[F
     yield "Materials", f"{count}{guessed}; E is {factor}"
 
 
-def _gives_way(simulation: Settled) -> str:
+def _gives_way(simulation: StaticSimulation) -> str:
     """Strength, then buckling; what the table has no strength of is named."""
 
     def times(factor: float) -> str:

@@ -20,7 +20,7 @@ from ...fem.mesh import TetMesh
 from ...fem.reduced.basis import accuracy_warnings, measured
 from ...fem.reduced.method import with_motion_error
 from ...fem.reduced.model import ReducedModel
-from ...fem.reduced.motion import start_velocity, stated_forces
+from ...fem.reduced.motion import nodal_forces_of, start_velocity
 from ...fem.reduced.sweep import what_if, what_if_error
 from ...fem.scene.scene import Scene
 from ...fem.solve.error import linear_stiffening, motion_order
@@ -33,7 +33,14 @@ from ...predictors.asset import UpAxis
 from ..asset.document import check_file, path_of, read_known
 from ..options import SimulateOptions
 from ..verdict.reduction import Match, Reduction, SpringMatch, WhatIfTable
-from .scenario import Progress, announce, changed_options, frames_told, reduced_method, stated_scene
+from .scenario import (
+    Progress,
+    announce,
+    changed_options,
+    frames_told,
+    reduced_method,
+    scene_of_options,
+)
 
 
 def reduce(
@@ -218,7 +225,7 @@ def _fitted_moduli(
 ) -> MotionFit:
     """Moduli of ``model`` after the motion of ``frames``, by the nearer of two schemes."""
     start = start_velocity(scene, make_space(scene.mesh, model.order))
-    dead = model.pull_back(stated_forces(scene, model.order))
+    dead = model.pull_back(nodal_forces_of(scene, model.order))
     observed = ObservedMotion(
         displacement=frames.displacement,
         dt=frames.dt,
@@ -245,7 +252,7 @@ def _scene(mesh: str | Path | TetMesh, options: SimulateOptions, up: UpAxis | No
     found, sidecar, *_ = read_known(mesh, None)
     if found.material is None:
         raise InputError("the mesh has no E, nu and rho: run `autophyx-tet assign` on it first")
-    return stated_scene(found, options, up=up or sidecar.up)
+    return scene_of_options(found, options, up=up or sidecar.up)
 
 
 # The verb match for springs: the scale of k after a motion of the same scene.
@@ -326,7 +333,7 @@ def answer_table(path: Path, model: ReducedModel, scene: Scene) -> WhatIfTable:
     usual = np.asarray(scene.gravity_vector, dtype=float)
     pairs = zip(GRAVITY, usual, strict=True)
     gravity = np.stack([columns.get(name, g * ones) for name, g in pairs], axis=1)
-    share, dead = columns.get(LOAD, ones), stated_forces(scene, model.order)
+    share, dead = columns.get(LOAD, ones), nodal_forces_of(scene, model.order)
 
     def forces(run: int) -> np.ndarray:
         return share[run] * (model.mass[:, None] * gravity[run] + dead)

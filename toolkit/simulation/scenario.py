@@ -36,7 +36,7 @@ from ...fem.table import Span, key, load_contents, load_flows, load_strengths, l
 from ...predictors.asset import UpAxis
 from ..asset.document import BodyRecord, read_known
 from ..options import EXPECTED, SimulateOptions, with_given
-from ..verdict.simulation import Moving, Ringing, Settled, Simulation
+from ..verdict.simulation import ModalSimulation, MotionSimulation, Simulation, StaticSimulation
 
 if TYPE_CHECKING:
     from ...fem.mpm.method import MpmMethod
@@ -85,7 +85,7 @@ def run_scenario(
     started = time.perf_counter()
     if progress is not None:
         progress(f"{options.scenario}, {len(mesh.tets):,} tets", 0.0)
-    stated = stated_conditions(options)
+    stated = conditions_of_options(options)
     mesh, rows = _with_bodies(mesh, materials or {}, stated.bodies)
     scenario = _scenario(options, stated.gravity)
     kind = method_name(options, scenario)
@@ -95,7 +95,7 @@ def run_scenario(
             f"--scenario {options.scenario} knows only --law {', '.join(method.laws)}, "
             f"got {options.law!r}"
         )
-    scene = stated_scene(mesh, options, up=up, materials=rows)
+    scene = scene_of_options(mesh, options, up=up, materials=rows)
     result = method.solve(
         scene,
         law=options.law,
@@ -105,11 +105,11 @@ def run_scenario(
     )
     known: Any = {"stated": bool(stated.conditions), "materials": rows}
     if isinstance(result, MotionResult):
-        answer = Moving(scene, options.scenario, **known, motion=result)
+        answer = MotionSimulation(scene, options.scenario, **known, motion=result)
     elif isinstance(result, Modes):
-        answer = Ringing(scene, options.scenario, **known, modes=result)
+        answer = ModalSimulation(scene, options.scenario, **known, modes=result)
     else:
-        answer = Settled(scene, options.scenario, **known, solved=result)
+        answer = StaticSimulation(scene, options.scenario, **known, solved=result)
         # First vibrations of the body as it is held, where a direct factor finds them
         if scenario.with_modes and (order := quick_order(scene.mesh)) is not None:
             first = replace(scene, modes=STANDING_MODES)
@@ -119,7 +119,7 @@ def run_scenario(
     return replace(answer, seconds=time.perf_counter() - started)
 
 
-def stated_scene(
+def scene_of_options(
     mesh: TetMesh,
     options: SimulateOptions,
     *,
@@ -127,7 +127,7 @@ def stated_scene(
     materials: Mapping[str, str] | None = None,
 ) -> Scene:
     """Scene of ``mesh``, all its bodies, that the options state for the method that they name."""
-    stated = stated_conditions(options)
+    stated = conditions_of_options(options)
     scenario = _scenario(options, stated.gravity)
     kind = method_name(options, scenario)
     # Say what a method cannot follow, rather than leave it out in silence
@@ -517,7 +517,7 @@ def grained(
 
     Raises UsageError: Where ``--grain`` is not understood, or cannot be followed.
     """
-    stated = stated_grains(mesh, options.grain)
+    stated = grains_of_options(mesh, options.grain)
     if method in METHODS_WITH_GRAIN:
         return with_grains(mesh, materials, stated)
     if stated:
@@ -527,7 +527,7 @@ def grained(
     return Grained(mesh.with_material(material_of(mesh).without_grain()), (note,) if known else ())
 
 
-def stated_grains(mesh: TetMesh, entries: Sequence[str]) -> dict[str, np.ndarray]:
+def grains_of_options(mesh: TetMesh, entries: Sequence[str]) -> dict[str, np.ndarray]:
     """Directions by part of what ``--grain`` says; ``UsageError`` where it is not understood."""
     found = {}
     for entry in entries:
@@ -542,7 +542,7 @@ def stated_grains(mesh: TetMesh, entries: Sequence[str]) -> dict[str, np.ndarray
     return found
 
 
-def stated_conditions(options: SimulateOptions) -> ConditionsFile:
+def conditions_of_options(options: SimulateOptions) -> ConditionsFile:
     """Conditions of the file of ``--scene`` and then of the options, and gravity [m/s^2] if said.
 
     Raises UsageError: Where gravity is negative, or a number is none.

@@ -9,11 +9,11 @@ from typing import Literal
 import numpy as np
 
 from ...fem.laws.law import LAWS
-from ...fem.mesh import USUAL_SIZE, TetMesh, edge_share, largest_explicit_step, material_of
+from ...fem.mesh import USUAL_SIZE, TetMesh, edge_fraction, largest_explicit_step, material_of
 from ...fem.safety import Safety
 from ...fem.scene.scene import Scene
 from ...fem.scene.up import up_vector
-from ...fem.solve.contact import foothold
+from ...fem.solve.contact import support_polygon
 from ...fem.solve.result import (
     BENDS_ALIKE,
     LOCKING,
@@ -142,7 +142,7 @@ def discretisation(result: SagResult) -> Check:
     by = OFF_BY[error.kind]
     by += ", at small strains" if LAWS[result.static.law].finite else ""
     shown = f"{about:.0%}" if round(about, 2) != TRUSTED or passed else f"{about + 5e-4:.1%}"
-    edge = "" if passed else f"{edge_share(result.static.mesh):.2g}"
+    edge = "" if passed else f"{edge_fraction(result.static.mesh):.2g}"
     does = f"coarse, its edges {edge} of its diagonal" if edge else "fine enough"
     said = f"largest displacement within about {shown} (limit {TRUSTED:.0%}), {by}"
     said = f"The mesh is {does}: {said}."
@@ -174,7 +174,7 @@ def stays_upright(result: SagResult, scene: Scene) -> tuple[Check, ...]:
         middle = mass @ mesh.points[mesh.tets].mean(axis=1) / mass.sum()
         weight = -GRAVITY * mass.sum() * up_vector(scene.up)
         force, moment = force + weight, moment + np.cross(middle, weight)
-    inside, friction = foothold(mesh.points[result.supported], force, moment, scene.up)
+    inside, friction = support_polygon(mesh.points[result.supported], force, moment, scene.up)
     passed, where = inside >= 0, f"{abs(inside):.2g} m {'within' if inside >= 0 else 'outside'}"
     does = "stays upright" if passed else "would tip over if its base were not held"
     said = f"its load meets the ground {where} its feet"
@@ -224,7 +224,7 @@ def distinguishable(one: SagResult, two: SagResult) -> Check:
 def locking(result: StaticResult | MotionResult) -> Check:
     """Whether the elements stand nearly incompressible materials, and bending."""
     fraction, used = (
-        result.locking_share,
+        result.locking_fraction,
         f"{'quadratic' if result.order == 2 else 'linear'} elements",
     )
     if isinstance(result, StaticResult):

@@ -89,7 +89,7 @@ class RunResult:
     def verdicts(self) -> list[list[Verdict]]:
         """Of every case: are its values usual, and can the eye tell it from the first one."""
         from .checks import distinguishable
-        from .simulation import Settled
+        from .simulation import StaticSimulation
 
         found = [case.assignment.verdicts() for case in self.cases]
         if self.turned:
@@ -98,7 +98,7 @@ class RunResult:
             return found
         first, *others = (case.simulation for case in self.cases)
         for verdicts, other in zip(found[1:], others, strict=True):
-            if isinstance(first, Settled) and isinstance(other, Settled):
+            if isinstance(first, StaticSimulation) and isinstance(other, StaticSimulation):
                 verdicts.append(Verdict.of(distinguishable(first.solved, other.solved)))
         return found
 
@@ -142,10 +142,10 @@ def _order(cases: Sequence[Simulation]) -> Iterator[Verdict]:
     A linear body under one dead load stores less energy wherever it is made stiffer (Clapeyron: it
     is half the work of the load); its largest displacement need not fall.
     """
-    from .simulation import Settled
+    from .simulation import StaticSimulation
 
-    if all(isinstance(case, Settled) for case in cases):
-        given = [case.solved.static.energy for case in cases if isinstance(case, Settled)]
+    if all(isinstance(case, StaticSimulation) for case in cases):
+        given = [case.solved.static.energy for case in cases if isinstance(case, StaticSimulation)]
         told, unit = "its load strains it by", "J"
     else:
         given = [float(np.linalg.norm(c.animation.displacement, axis=-1).max()) for c in cases]

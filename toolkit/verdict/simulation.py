@@ -176,7 +176,7 @@ RAMP = np.linspace(0, 1, 6)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
-class Settled(Simulation):
+class StaticSimulation(Simulation):
     """A body at rest under its load."""
 
     solved: SagResult
@@ -290,7 +290,7 @@ class Settled(Simulation):
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
-class Moving(Simulation):
+class MotionSimulation(Simulation):
     """A body that falls, is squeezed, blown at or torn."""
 
     motion: MotionResult
@@ -408,7 +408,7 @@ DRAWN = 0.05  # of the diagonal: the largest displacement that is drawn, for its
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
-class Ringing(Simulation):
+class ModalSimulation(Simulation):
     """The natural vibrations of a body as it stands."""
 
     modes: Modes

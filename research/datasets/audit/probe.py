@@ -17,7 +17,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from ....fem.material import ElementMaterial
-from ....fem.mpm.boundaries import ROOM, grid_around, support_walls
+from ....fem.mpm.boundaries import ROOM, grid_around, support_boundaries
 from ....fem.mpm.materials import MaterialClass, Substance, plane_friction
 from ....fem.mpm.particles import Followers, Particles
 from ....fem.mpm.rigid import near_fixed, treated
@@ -193,7 +193,7 @@ class Probe:
         solver = MpmSolver(
             given,
             grid_around(low - room, high + room, spacing),
-            walls=support_walls(self._mesh, self._supports, spacing, load.duration),
+            walls=support_boundaries(self._mesh, self._supports, spacing, load.duration),
             gravity_vector=load.acceleration * SLOPE,
             lagrangian=bool((kinds == MaterialClass.JELLY).all()),
         )

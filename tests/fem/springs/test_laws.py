@@ -13,7 +13,7 @@ from autophyx_tet.fem.springs.method import SpringMethod
 from autophyx_tet.fem.springs.motion import SpringMotion
 from autophyx_tet.fem.springs.network import (
     Anchors,
-    Sight,
+    LineOfSight,
     SpringNetwork,
     neighbour_weights,
     sample_anchors,
@@ -31,7 +31,7 @@ def cube(cells=4, **material):
 
 
 def network_of(mesh, count, neighbours, **given):
-    surface = Sight(mesh.points, mesh.boundary.faces)
+    surface = LineOfSight(mesh.points, mesh.boundary.faces)
     return SpringNetwork.of(sample_anchors(mesh, count, **given), neighbours, surface)
 
 

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 from autophyx_tet.fem.errors import InputError
-from autophyx_tet.predictors.matter import FEATURES, PLAIN, SHIPPED, KindsByLooks, measure
+from autophyx_tet.predictors.matter import FEATURES, PLAIN, SHIPPED, CategoriesByAppearance, measure
 from autophyx_tet.predictors.text.hearing import KINDS
 from autophyx_tet.research.training.kinds_by_looks import fit_kinds, fit_regression, save_kinds
 
@@ -39,7 +39,7 @@ def test_files_hold_five_digits(tmp_path):
     features = rng.standard_normal((300, len(FEATURES)))
     kinds = fit_kinds(features, rng.integers(0, len(KINDS), 300), penalty=10.0)
     save_kinds(tmp_path / "kinds.json", kinds)
-    again = KindsByLooks.load(tmp_path / "kinds.json")
+    again = CategoriesByAppearance.load(tmp_path / "kinds.json")
     # 1e-3: 29 products of numbers of five digits
     assert again.log_ratio(features) == pytest.approx(kinds.log_ratio(features), abs=1e-3)
 
@@ -49,17 +49,17 @@ def test_a_file_of_other_measures_is_refused(tmp_path):
     found["features"] = found["features"][1:]
     (tmp_path / "kinds.json").write_text(json.dumps(found))
     with pytest.raises(InputError, match="kinds by looks"):
-        KindsByLooks.load(tmp_path / "kinds.json")
+        CategoriesByAppearance.load(tmp_path / "kinds.json")
 
 
 def test_a_clear_top_on_brown_legs_is_rather_glass_than_wood():
-    top, legs = KindsByLooks.load().log_ratio(measure(*table()))
+    top, legs = CategoriesByAppearance.load().log_ratio(measure(*table()))
     glass, wood = KINDS.index("glass"), KINDS.index("wood")
     assert top[glass] - top[wood] > 1 + legs[glass] - legs[wood]
 
 
 def test_without_finish_only_colours_and_form_are_read():
-    kinds = KindsByLooks.load()
+    kinds = CategoriesByAppearance.load()
     cells, looks, piece = table()
     looks[:, 3:] = [1.0, 0.0, 0.04, 0.6]
     measured = measure(cells, looks, piece)

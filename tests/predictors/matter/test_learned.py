@@ -7,7 +7,7 @@ import pytest
 import trimesh
 from autophyx_tet.fem.errors import InputError
 from autophyx_tet.predictors.asset import Asset, Part
-from autophyx_tet.predictors.matter import FEATURES, KindsByLooks, lab
+from autophyx_tet.predictors.matter import FEATURES, CategoriesByAppearance, lab
 from autophyx_tet.predictors.text.hearing import KINDS
 from autophyx_tet.research.datasets.real import load_real, save_real, voxelise
 from autophyx_tet.research.learning import train
@@ -64,7 +64,7 @@ def test_training_learns_the_slots_that_it_is_given(tmp_path):
     save_real(tmp_path / "real.safetensors", objects)
     done = train("kinds", data=tmp_path, output=tmp_path / "run")
     assert done["slots"] == 40
-    ratio = KindsByLooks.load(done["files"][0]).log_ratio(item.looks)
+    ratio = CategoriesByAppearance.load(done["files"][0]).log_ratio(item.looks)
     wood, glass = KINDS.index("wood"), KINDS.index("glass")
     best = [wood, glass] if item.slots[0] == "wood" else [glass, wood]
     assert ratio.argmax(axis=1).tolist() == best

@@ -116,7 +116,7 @@ def _filled(
     if not kept.any():
         raise NoFilling(f"no part is as thick as the lattice's edge of {edge:.3g} m")
     points = solids.bounds[0] + edge * found.mesh.points
-    kept[kept] = without_crumbs(points, tets[kept], solids)
+    kept[kept] = without_fragments(points, tets[kept], solids)
     mesh = separate(points, tets[kept])
     part = field.part[found.mesh.region[kept]][mesh.origin]
     volumes = signed_volumes(mesh.points, mesh.tets)
@@ -342,7 +342,7 @@ def carved(tets: Tets, volumes: Float[np.ndarray, "tets"]) -> Bool[np.ndarray, "
     return keep
 
 
-def without_crumbs(points: Points, tets: Tets, solids: Solids) -> Bool[np.ndarray, "tets"]:
+def without_fragments(points: Points, tets: Tets, solids: Solids) -> Bool[np.ndarray, "tets"]:
     """Which tets [m] to keep: all pieces but crumbs of the whole and of a body of the input."""
     volumes = signed_volumes(points, tets)
     pieces = pieces_of(tets)
