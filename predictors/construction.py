@@ -131,7 +131,7 @@ def construction_of(
 
     part, words: Its name, and what it is called and said to be.
     material: What it is made of.
-    hull_fraction, smallest_side: Its volume by that of its convex hull [1], and the smallest side of
+    hull_fraction, smallest_side: Its volume by that of its convex hull [1], the smallest side of
         its box [m].
     wall, solid, filling, in_mesh: What was said for certain: its wall [m], that it is solid, what
         it is full of; that the mesh has its walls already.
