@@ -93,10 +93,7 @@ def assigned(
 
 
 def score_sentence(
-    sentence: Mapping[str, Any],
-    bands: Mapping[str, Any],
-    folder: Path,
-    others: Sequence[str] = (),
+    sentence: Mapping[str, Any], bands: Mapping[str, Any], folder: Path, others: Sequence[str] = ()
 ) -> list[PartScore]:
     """Scores of the parts of one sentence."""
     code, said = assigned(tuple(sentence["parts"]), sentence["text"], folder, others)

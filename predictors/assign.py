@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
-import numpy as np
-
 from ..fem.errors import UsageError
 from ..fem.note import Note
 from ..fem.table import MaterialTable, key, load_table
@@ -89,33 +87,5 @@ def predict_materials(
         first = alike(parts, left_open, [choice.clause for choice in choices])
         known = {"choices": choices, "appearance": appearance, "up": up, "alpha": alpha}
         found = predictor.predict(merged(parts, first), bound.sentence, **known)
-        made = _for_each(found, parts, first)
+        made = found.for_each(parts, first)
     return replace(made, warnings=settled.warnings)
-
-
-def _for_each(made: Prediction, parts: PartVoxels, first: Sequence[int]) -> Prediction:
-    """Give each part the answer, and the pieces, of the ``first`` part that it is like."""
-    if list(first) == sorted(set(first)):
-        return made
-    of_piece = made.parts.part
-    label = np.full_like(of_piece, -1)
-    main, others = list[tuple[int, int]](), list[tuple[int, int]]()  # a part, a piece of the answer
-    for i, k in enumerate(first):
-        pieces = np.unique(of_piece[parts.part == i]).tolist() or [k]
-        main.append((i, pieces[0]))
-        others += [(i, piece) for piece in pieces[1:]]
-    pairs = [*main, *others]
-    for number, (part, piece) in enumerate(pairs):
-        label[(parts.part == part) & (of_piece == piece)] = number
-    names = tuple(
-        parts.part_names[part]
-        + made.parts.part_names[piece].removeprefix(parts.part_names[first[part]])
-        for part, piece in pairs
-    )
-    pieces = PartVoxels(parts.grid, label, names, tuple(parts.labels[part] for part, _ in pairs))
-    choices = (replace(made.choices[k], part=n) for (_, k), n in zip(pairs, names, strict=True))
-    field = replace(made.field, part=label, part_names=names)
-    return replace(
-        made, parts=pieces, parents=tuple(part for part, _ in pairs), field=field,
-        choices=tuple(choices),
-    )  # fmt: skip

@@ -147,9 +147,7 @@ def construction_of(
         return Construction(part, "shell", "as told", Span(wall, wall), inside, name, "as told")
     if hull_fraction < IN_ITS_SHAPE:
         return Construction(
-            part,
-            SHAPED,
-            Note("construction.hull_filled", hull_fraction=hull_fraction),
+            part, SHAPED, Note("construction.hull_filled", hull_fraction=hull_fraction)
         )
     if words.said & _SOLID:
         return Construction(part, "solid", Note("construction.text_says"))

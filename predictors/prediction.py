@@ -203,6 +203,38 @@ class Prediction:
         for clause in self.unbound:
             yield Note("prediction.part_found", clause=clause)
 
+    def for_each(self, parts: PartVoxels, first: Sequence[int]) -> Prediction:
+        """Give each part the answer, and the pieces, of the ``first`` part that it is like."""
+        if list(first) == sorted(set(first)):
+            return self
+        of_piece = self.parts.part
+        label = np.full_like(of_piece, -1)
+        main, others = (
+            list[tuple[int, int]](),
+            list[tuple[int, int]](),
+        )  # a part, a piece of the answer
+        for i, k in enumerate(first):
+            pieces = np.unique(of_piece[parts.part == i]).tolist() or [k]
+            main.append((i, pieces[0]))
+            others += [(i, piece) for piece in pieces[1:]]
+        pairs = [*main, *others]
+        for number, (part, piece) in enumerate(pairs):
+            label[(parts.part == part) & (of_piece == piece)] = number
+        names = tuple(
+            parts.part_names[part]
+            + self.parts.part_names[piece].removeprefix(parts.part_names[first[part]])
+            for part, piece in pairs
+        )
+        pieces = PartVoxels(
+            parts.grid, label, names, tuple(parts.labels[part] for part, _ in pairs)
+        )
+        choices = (replace(self.choices[k], part=n) for (_, k), n in zip(pairs, names, strict=True))
+        field = replace(self.field, part=label, part_names=names)
+        return replace(
+            self, parts=pieces, parents=tuple(part for part, _ in pairs), field=field,
+            choices=tuple(choices),
+        )  # fmt: skip
+
 
 def unbound_by(choices: Sequence[PartChoice], clauses: Sequence[Clause]) -> tuple[str, ...]:
     """Clauses that say something of parts and that no choice follows, nor an option repeats."""

@@ -34,11 +34,7 @@ _UNTIL = 10**9  # steps: time ends the run
 
 
 def train(
-    config: Path | str,
-    *,
-    data: str | Path,
-    output: str | Path,
-    start: str | Path | None = None,
+    config: Path | str, *, data: str | Path, output: str | Path, start: str | Path | None = None
 ) -> dict[str, Any]:
     """Train a network as a TOML file says (or a preset), or go on where it stopped.
 

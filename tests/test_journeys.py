@@ -8,8 +8,7 @@ import pytest
 
 # Stays in a file, and returns to one that had been left. A walk that grows beyond these has been
 # cut into too many files, or hands its traveller through some that do nothing with it.
-LIMITS = {"a sentence": (31, 13), "a modulus": (45, 20)}
-SENTENCE = (20, 8)  # where the first is to come
+LIMITS = {"a sentence": (22, 8), "a modulus": (45, 20)}
 
 
 @pytest.fixture(scope="module")
@@ -22,10 +21,7 @@ def journeys(root):
 
 @pytest.fixture(scope="module")
 def walks(journeys):
-    return {
-        "a sentence": journeys.walk_of_a_sentence(),
-        "a modulus": journeys.walk_of_a_modulus(),
-    }
+    return {"a sentence": journeys.walk_of_a_sentence(), "a modulus": journeys.walk_of_a_modulus()}
 
 
 @pytest.mark.slow  # every call of ours is looked at
@@ -38,15 +34,6 @@ def test_a_journey_is_short(walks, name):
     stays, returns = LIMITS[name]
     assert len(way) <= stays, way
     assert walk.returns <= returns, way
-
-
-@pytest.mark.slow
-@pytest.mark.xfail(strict=False, reason="31 stays and 13 returns in 18 files")
-def test_a_sentence_takes_a_shorter_way(walks):
-    """What its limit comes down to."""
-    stays, returns = SENTENCE
-    assert len(walks["a sentence"].stays) <= stays
-    assert walks["a sentence"].returns <= returns
 
 
 def test_a_return_is_a_file_that_had_been_left(journeys, tmp_path, monkeypatch):

@@ -50,8 +50,5 @@ def test_the_last_look_at_the_held_out_set_is_its_row(root, sentences):
     document = json.loads((root / "docs" / "data" / "sentences.json").read_text())
     (row,) = [one for one in document["rows"] if one["set"] == sentences.HELD_OUT]
     assert row["scored_times"] == len(looks)
-    assert looks[-1].items() - row.items() == {
-        ("date", looks[-1]["date"]),
-        ("command", "assign"),
-    }
+    assert looks[-1].items() - row.items() == {("date", looks[-1]["date"]), ("command", "assign")}
     assert [one["set"] for one in document["rows"]] == [*sentences.SETS, sentences.HELD_OUT]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from itertools import product
@@ -32,7 +32,6 @@ from .walls import WallOptions
 if TYPE_CHECKING:
     from ..converters.transfer import SampledMesh
     from ..fem.table import MaterialTable
-    from ..predictors.prediction import Prediction
     from ..predictors.text.clauses import Bound
     from .walls import BuiltPart
 
@@ -177,7 +176,10 @@ def assign(
     >>> round(body.mesh.mass / (0.1**3 * oak.rho), 9)  # rho V
     1.0
     """
-    from ..converters.transfer import divided_by_voxels, sample_material
+    from ..converters.transfer import divided_by_voxels, sample_material, voxelize
+    from ..predictors.assign import predict_materials
+    from ..predictors.lookup.numbers import numbers_of_parts
+    from .features import appearance_of
     from .walls import Called, Walls, build_parts, with_walls
 
     options = with_given(options or AssignOptions(), given, verb="assign").checked()
@@ -187,7 +189,24 @@ def assign(
     said = Walls.said(walls, sidecar, mesh.region_names)
     bound, table = _read(text, mesh, sidecar, options)
     called = Called.of(mesh, sidecar, bound, table)
-    found = _predicted(mesh, bound, sidecar, seen, options, called.usual_materials(), table)
+    # What words and the predictor make of the regions
+    labels = tuple(tuple(sidecar.labels.get(name, ())) for name in mesh.region_names)
+    voxels = replace(voxelize(mesh, cells=options.cells), labels=labels)
+    found = predict_materials(
+        voxels,
+        bound,
+        predictor=options.predictor,
+        overrides=pairs(options.part),
+        materials=pairs(options.material),
+        values=numbers_of_parts(options.set),
+        table=table if options.table else None,
+        alpha=options.alpha,
+        samples=options.samples,
+        volumes=mesh.region_volumes().tolist(),
+        usual=called.usual_materials(),
+        up=sidecar.up,
+        appearance=seen and partial(appearance_of, seen, voxels, encoder=options.encoder),
+    )
     found = said.filled(found)
     if len(found.choices) > len(mesh.region_names):
         mesh = divided_by_voxels(mesh, found.parts, found.parents)
@@ -233,40 +252,6 @@ def _read(
     interpreter = ChatEndpoint.at(options.interpreter) if options.interpreter else None
     labels = sidecar.labels_of(mesh.region_names)
     return read_sentence(text, labels, table, interpreter=interpreter), table
-
-
-def _predicted(
-    mesh: TetMesh,
-    bound: Bound,
-    sidecar: Sidecar,
-    seen: Asset | None,
-    options: AssignOptions,
-    usual: Mapping[str, tuple[str, str]],
-    table: MaterialTable,
-) -> Prediction:
-    """What words and the predictor make of the regions of a mesh."""
-    from ..converters.transfer import voxelize
-    from ..predictors.assign import predict_materials
-    from ..predictors.lookup.numbers import numbers_of_parts
-    from .features import appearance_of
-
-    labels = tuple(tuple(sidecar.labels.get(name, ())) for name in mesh.region_names)
-    voxels = replace(voxelize(mesh, cells=options.cells), labels=labels)
-    return predict_materials(
-        voxels,
-        bound,
-        predictor=options.predictor,
-        overrides=pairs(options.part),
-        materials=pairs(options.material),
-        values=numbers_of_parts(options.set),
-        table=table if options.table else None,
-        alpha=options.alpha,
-        samples=options.samples,
-        volumes=mesh.region_volumes().tolist(),
-        usual=usual,
-        up=sidecar.up,
-        appearance=seen and partial(appearance_of, seen, voxels, encoder=options.encoder),
-    )
 
 
 def _written(result: Assignment, output: Path | None, field_output: Path | None) -> Assignment:

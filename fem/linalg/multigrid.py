@@ -515,13 +515,7 @@ class CornerLevel:
     """
 
     def __init__(
-        self,
-        matrix: BlockMatrix,
-        lower: Any,
-        edges: np.ndarray,
-        fixed: np.ndarray,
-        r: Any,
-        z: Any,
+        self, matrix: BlockMatrix, lower: Any, edges: np.ndarray, fixed: np.ndarray, r: Any, z: Any
     ) -> None:
         from . import kernels_krylov as k
 

@@ -359,11 +359,7 @@ class SurfaceSites:
     """
 
     def __init__(
-        self,
-        mesh: TetMesh,
-        space: Space,
-        stiffness: Float[np.ndarray, "nodes"],
-        obstacle: Obstacle,
+        self, mesh: TetMesh, space: Space, stiffness: Float[np.ndarray, "nodes"], obstacle: Obstacle
     ) -> None:
         self.obstacle, self.rest = obstacle, space.nodes
         faces = mesh.boundary.faces

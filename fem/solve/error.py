@@ -50,11 +50,7 @@ def motion_order(mesh: TetMesh) -> int:
 
 
 def motion_elements(
-    mesh: TetMesh,
-    supports: Supports | None,
-    order: int | None = None,
-    *,
-    most: int = FEW_UNKNOWNS,
+    mesh: TetMesh, supports: Supports | None, order: int | None = None, *, most: int = FEW_UNKNOWNS
 ) -> MotionElements:
     """Elements of a motion: of ``order`` where it is given, else ``motion_order``'s.
 

@@ -50,11 +50,7 @@ class SpringBody:
     asked: int
 
     def motion(
-        self,
-        stiffness: Float[np.ndarray, "springs"],
-        *,
-        dashpot: float = 0.0,
-        device: str = "cpu",
+        self, stiffness: Float[np.ndarray, "springs"], *, dashpot: float = 0.0, device: str = "cpu"
     ) -> SpringMotion:
         """Motion from the start, with springs of ``stiffness`` [N/m] and ``dashpot`` [s] of it."""
         mesh, anchors = self.scene.mesh, self.network.anchors

@@ -145,11 +145,7 @@ class SpringNetwork:
         return self.calibrated(eta) * np.exp(surface * outer)
 
     def stiffness(
-        self,
-        eta: float = 0.0,
-        *,
-        surface: float = 0.0,
-        k: Float[np.ndarray, "n"] | None = None,
+        self, eta: float = 0.0, *, surface: float = 0.0, k: Float[np.ndarray, "n"] | None = None
     ) -> Float[np.ndarray, "springs"]:
         """Stiffness [N/m] of every spring: (k_i w + k_j w) / 2 l, across borders the harmonic mean.
 

@@ -2,5 +2,5 @@
 
 In: a Sentence, words and numbers of options, names of parts; the material table.
 Out: a PartChoice for every part, settled or only the likeliest, and what to warn of.
-Read: lookup, decision, numbers, similarity.
+Read: lookup, numbers, similarity.
 """

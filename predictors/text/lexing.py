@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import re
 import runpy
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from importlib.util import find_spec
@@ -487,26 +487,6 @@ def point_back(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
     return out
 
 
-def first_phrase(lexemes: Sequence[Lexeme], stops: Collection[str]) -> Phrase:
-    """Words of the first noun phrase, up to one that joins: "this is a can of ..." is "a can".
-
-    What a participle says of the noun before it comes first: "a ball inflated with ...".
-    """
-    phrase, noun = list[str](), False
-    for lexeme in lexemes:
-        before = lexeme.role == "coat" and not noun  # "a painted drum"
-        if lexeme.role in stops and not before:
-            if phrase and phrase[-1] != "image":  # "an image of a chair"
-                break
-            phrase = []
-        elif phrase and lexeme.dep == "acl":
-            return (*lexeme.words, *phrase)
-        else:
-            phrase += lexeme.words
-            noun = noun or lexeme.tag.startswith("NN")
-    return tuple(phrase)
-
-
 # Comparisons: "twice as stiff", "a bit softer", each one lexeme.
 
 PLAIN_FACTOR = 2.0  # "stiffer", without a word for how much
@@ -644,16 +624,6 @@ def _is_metal(lexeme: Lexeme) -> bool:
 
 
 # What treatments and colours say of a matter: "galvanised" is steel, "painted silver" none.
-
-
-def implied(run: Sequence[Lexeme], lexicon: ReaderLexicon) -> list[tuple[Lexeme, Material]]:
-    """The metal that a treatment speaks of: "galvanised" is steel, until another is named."""
-    rows = ((x, words()["implied"].get(x.text.lower())) for x in run if x.role == "coat")
-    return [
-        (replace(x, words=("metal",)), lexicon.table.exact(row))
-        for x, row in rows
-        if row in lexicon.table.phrases
-    ][:1]
 
 
 def puts_hue(lexeme: Lexeme, before: Sequence[object], after: Sequence[Lexeme]) -> bool:

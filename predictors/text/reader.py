@@ -26,8 +26,6 @@ from .lexing import (
     Lexed,
     Lexeme,
     bare_numbers,
-    first_phrase,
-    implied,
     is_hue,
     join_comparisons,
     lex,
@@ -73,7 +71,7 @@ def parse(text: str, table: MaterialTable, names: Sequence[str] = ()) -> Sentenc
         tuple(clause_of(text, draft, lexicon) for draft in drafts),
         tuple(x.text for x in unread),
         tuple(dict.fromkeys([*lexed.notes, *(x.note for x in lexed.lexemes if x.note)])),
-        first_phrase(lexed.lexemes, {*grammar()["signs"], "sign"} - {"word"}),
+        _first_phrase(lexed.lexemes, {*grammar()["signs"], "sign"} - {"word"}),
     )
 
 
@@ -399,7 +397,7 @@ def groups_of(
     """
     mentions = _one_material(_mentions(list(run), owes=owes), lexicon)
     if not any(m.kind == "material" for m in mentions):
-        mentions = [Mention("material", *found) for found in implied(run, lexicon)] + mentions
+        mentions = [Mention("material", *found) for found in _implied(run, lexicon)] + mentions
     if opens:
         mentions = [replace(m, value=None) if m.kind == "part" else m for m in mentions]
     # Cut where parts and what is said of them alternate; modifiers go with what follows
@@ -811,3 +809,33 @@ def clause_of(text: str, draft: Draft, lexicon: ReaderLexicon) -> Clause:
         certainty=MENDED if doubts else SURE,
         **same,
     )
+
+
+def _first_phrase(lexemes: Sequence[Lexeme], stops: Collection[str]) -> Phrase:
+    """Words of the first noun phrase, up to one that joins: "this is a can of ..." is "a can".
+
+    What a participle says of the noun before it comes first: "a ball inflated with ...".
+    """
+    phrase, noun = list[str](), False
+    for lexeme in lexemes:
+        before = lexeme.role == "coat" and not noun  # "a painted drum"
+        if lexeme.role in stops and not before:
+            if phrase and phrase[-1] != "image":  # "an image of a chair"
+                break
+            phrase = []
+        elif phrase and lexeme.dep == "acl":
+            return (*lexeme.words, *phrase)
+        else:
+            phrase += lexeme.words
+            noun = noun or lexeme.tag.startswith("NN")
+    return tuple(phrase)
+
+
+def _implied(run: Sequence[Lexeme], lexicon: ReaderLexicon) -> list[tuple[Lexeme, Material]]:
+    """The metal that a treatment speaks of: "galvanised" is steel, until another is named."""
+    rows = ((x, words()["implied"].get(x.text.lower())) for x in run if x.role == "coat")
+    return [
+        (replace(x, words=("metal",)), lexicon.table.exact(row))
+        for x, row in rows
+        if row in lexicon.table.phrases
+    ][:1]

@@ -17,9 +17,7 @@ from hypothesis import strategies as st
 BOTH = [s for s in MESH_FORMATS if MESH_FORMATS[s].read and MESH_FORMATS[s].write]
 RICH = [suffix for suffix in BOTH if suffix != ".npz"]  # those with room for further arrays
 in_one_folder = settings(
-    max_examples=15,
-    deadline=None,
-    suppress_health_check=[HealthCheck.function_scoped_fixture],
+    max_examples=15, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
 
 

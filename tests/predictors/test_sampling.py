@@ -46,9 +46,7 @@ def test_constant_field_is_reproduced_anywhere(occupied, logE, nu, seed):
 def test_linear_field_is_reproduced(slope, seed):
     """log10 E = 6 + g.x, nu and log10 rho likewise -> the same at any interior point."""
     field = field_of(
-        lambda x: 6 + x @ slope,
-        lambda x: 0.2 + 0.01 * x @ slope,
-        lambda x: 3 - 0.1 * x @ slope,
+        lambda x: 6 + x @ slope, lambda x: 0.2 + 0.01 * x @ slope, lambda x: 3 - 0.1 * x @ slope
     )
     points = inside_points(300, seed)
     sample = sample_field(field, points)

@@ -239,9 +239,7 @@ def look_of(asset: Asset, mesh: TetMesh) -> Look | None:
     return Look(tuple("#{:02x}{:02x}{:02x}".format(*table[k]) for k in used), index)
 
 
-def _coloured_points(
-    asset: Asset,
-) -> tuple[Float[np.ndarray, "n 3"], UInt8[np.ndarray, "n 3"]]:
+def _coloured_points(asset: Asset) -> tuple[Float[np.ndarray, "n 3"], UInt8[np.ndarray, "n 3"]]:
     """Points of even density on all parts, and their colours, sRGB bytes."""
     rng = np.random.default_rng(0)
     areas = np.array([part.mesh.area for part in asset.parts])

@@ -111,8 +111,7 @@ def test_a_step_that_is_too_long_is_reported_before_running():
 
 
 @pytest.mark.parametrize(
-    "wrong",
-    [{"E": np.nan}, {"nu": 0.5}, {"rho": -1.0}, {"volume": 0.0}, {"x": np.empty((0, 3))}],
+    "wrong", [{"E": np.nan}, {"nu": 0.5}, {"rho": -1.0}, {"volume": 0.0}, {"x": np.empty((0, 3))}]
 )
 def test_particles_that_no_body_has_are_refused(wrong):
     given = {"x": np.zeros((2, 3)), "volume": 1.0, "E": 1e5, "nu": 0.3, "rho": 1.0} | wrong

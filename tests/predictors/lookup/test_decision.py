@@ -2,8 +2,13 @@
 
 import pytest
 from autophyx_tet.fem.table import load_table
-from autophyx_tet.predictors.lookup.decision import DENSITY, STIFFNESS, Decider, PartStatement
-from autophyx_tet.predictors.lookup.lookup import with_relations
+from autophyx_tet.predictors.lookup.lookup import (
+    DENSITY,
+    STIFFNESS,
+    Decider,
+    PartStatement,
+    with_relations,
+)
 from autophyx_tet.predictors.lookup.similarity import RowKernel
 from autophyx_tet.predictors.text.clauses import Clause, Subject
 from autophyx_tet.predictors.text.hearing import NamedPart, vocabulary_of
