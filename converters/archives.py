@@ -161,7 +161,7 @@ def _loaded(
         meta = json.loads(str(arrays.pop("meta", "{}")))
         if meta.get("kind") != kind:
             raise InputError(
-                "archives.holds_wanted", source=source, get=meta.get("kind", "no meta"), value=kind
+                "archives.holds_wanted", source=source, get=meta.get("kind", "no meta"), kind=kind
             )
         if meta["version"] != VERSIONS[kind]:
             raise InputError(

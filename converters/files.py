@@ -155,7 +155,7 @@ def _listed(path: Path) -> Path:
 
 
 def _unwritable(path: Path, error: OSError) -> InputError:
-    return InputError("files.cannot_write", path=path, value=error.strerror or error)
+    return InputError("files.cannot_write", path=path, strerror=error.strerror or error)
 
 
 # Counts that a file announces, held against its size before a parser allocates for them.
@@ -275,7 +275,7 @@ def load(path: str | os.PathLike) -> MaterialField | TetMesh:
                 "files.version_package", source=source, version=version, version_2=VERSION
             )
         if kind not in ("MaterialField", "TetMesh"):
-            raise InputError("files.holds_wanted", source=source, value=kind)
+            raise InputError("files.holds_wanted", source=source, kind=kind)
         if kind == "TetMesh":
             return TetMesh(
                 arrays["points"],

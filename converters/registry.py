@@ -114,7 +114,7 @@ def format_of(path: str | os.PathLike, formats: Registry[Format]) -> Format:
     if suffix not in formats:
         known = ", ".join(f"{name} ({formats[name].title})" for name in formats)
         raise InputError(
-            "registry.unknown_known_2", path=path, value=formats.kind, suffix=suffix, known=known
+            "registry.unknown_known_2", path=path, kind=formats.kind, suffix=suffix, known=known
         )
     return formats[suffix]
 

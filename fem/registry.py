@@ -58,14 +58,14 @@ class Registry(Mapping[str, T]):
     def register(self, name: str, member: T) -> T:
         """Add a member under a free ``name`` and return it; ``UsageError`` where it is taken."""
         if name in self:
-            raise UsageError("registry.already_choose", value=self.kind, name=name)
+            raise UsageError("registry.already_choose", kind=self.kind, name=name)
         self._loaded[name] = member
         return member
 
     def unregister(self, name: str) -> None:
         """Take out a member that ``register`` added."""
         if name in self._homes:
-            raise UsageError("registry.belongs_package", value=self.kind, name=name)
+            raise UsageError("registry.belongs_package", kind=self.kind, name=name)
         self._loaded.pop(name, None)
 
     def unknown(self, name: str) -> str:
@@ -74,7 +74,7 @@ class Registry(Mapping[str, T]):
         hint = Note("registry.you_mean", near=near[0]) if near else ""
         return Note(
             "registry.unknown_known",
-            value=self.kind,
+            kind=self.kind,
             name=name,
             names=", ".join(self.names),
             hint=hint,

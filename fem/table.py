@@ -218,7 +218,7 @@ class MaterialTable:
             return self.phrases[key(name)]
         near = self.near(name)
         hint = (
-            Note("table.you_mean", map=", ".join(map(repr, near)))
+            Note("table.you_mean", near=", ".join(map(repr, near)))
             if near
             else Note("table.try_simpler")
         )

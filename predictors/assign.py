@@ -76,7 +76,7 @@ def predict_materials(
                 row.value(choice.alpha),
                 1.0,
                 choice.alpha,
-                Note("assign.usual", value=kind),
+                Note("assign.usual", kind=kind),
                 guessed=True,
             )
     made = Prediction.of(parts, choices, bound.sentence, alpha=alpha)

@@ -199,7 +199,9 @@ class Prediction:
         pieces_of = Counter(self.parents)
         for parent in sorted(i for i, count in pieces_of.items() if count > 1):
             pieces = [self.parts.part_names[i] for i, p in enumerate(self.parents) if p == parent]
-            yield (Note("prediction.part_asset", map=", ".join(map(repr, pieces)), divided=DIVIDED))
+            yield (
+                Note("prediction.part_asset", pieces=", ".join(map(repr, pieces)), divided=DIVIDED)
+            )
         for clause in self.unbound:
             yield Note("prediction.part_found", clause=clause)
 

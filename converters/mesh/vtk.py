@@ -186,7 +186,7 @@ def _piece(piece: ElementTree.Element, arrays: VtuArrays, ignored: dict[str, int
         raise InputError("vtk.cells_announced", cells=cells, count=len(ends), count_2=len(kinds))
     is_tet = kinds == _TET
     for kind, number in zip(*np.unique(kinds[~is_tet], return_counts=True), strict=True):
-        name = _CELLS.get(int(kind), Note("vtk.cells_type", value=kind))
+        name = _CELLS.get(int(kind), Note("vtk.cells_type", kind=kind))
         ignored[name] = ignored.get(name, 0) + int(number)
     first = ends[is_tet].astype(np.int64) - 4
     if (np.diff(ends.astype(np.int64), prepend=0)[is_tet] != 4).any() or (first < 0).any():

@@ -263,6 +263,6 @@ def grid_around(
     shape = np.ceil((high - origin) / spacing - 1e-9).astype(np.int64) + MARGIN + 1
     if np.prod(shape.astype(float)) > MOST_NODES:
         raise InputError(
-            "boundaries.grid_nodes", map="x".join(map(str, shape)), most_nodes=MOST_NODES
+            "boundaries.grid_nodes", shape="x".join(map(str, shape)), most_nodes=MOST_NODES
         )
     return BackgroundGrid(origin, float(spacing), (int(shape[0]), int(shape[1]), int(shape[2])))

@@ -248,7 +248,7 @@ class _Run:
         self.plan = Note(
             "method.particles_grid",
             count=len(particles.x),
-            map="x".join(map(str, room.shape)),
+            shape="x".join(map(str, room.shape)),
             steps=steps,
             seconds=seconds,
         )

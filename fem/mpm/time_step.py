@@ -48,7 +48,7 @@ class Failure:
         """Return the failure in one line."""
         return Note(
             "time_step.mpm_pa",
-            value=self.kind,
+            kind=self.kind,
             time=self.time,
             part=self.part,
             e=self.E,

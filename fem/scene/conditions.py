@@ -235,7 +235,7 @@ def select(mesh: TetMesh, words: str) -> Selection:
             raise UsageError("conditions.wanted_all", words=words)
         away = np.zeros(len(x))
     else:
-        raise UsageError("conditions.place_called", words=words, value=kind, forms=FORMS)
+        raise UsageError("conditions.place_called", words=words, kind=kind, forms=FORMS)
     touch = TOUCH * float(np.linalg.norm(np.ptp(mesh.bounds, axis=0)))
     used = np.unique(mesh.tets)
     ids = used[away[used] <= touch]
@@ -320,7 +320,7 @@ def parsed_obstacle(words: str) -> Obstacle:
         half = np.abs(corners[1] - corners[0]) / 2
         _positive(float(half.min()), option)
         return Box(tuple(corners.mean(axis=0).tolist()), tuple(half.tolist()), velocity)
-    raise UsageError("conditions.obstacle_called", option=option, value=kind, obstacles=OBSTACLES)
+    raise UsageError("conditions.obstacle_called", option=option, kind=kind, obstacles=OBSTACLES)
 
 
 def _positive(size: float, option: str) -> float:
@@ -402,4 +402,4 @@ def _entries(path: Path, kind: str, document: dict[str, Any]) -> tuple[str, ...]
     except (TypeError, ValueError):  # of a table whose values are no numbers
         pass
     wanted = Note("conditions.table_selection") if kind in COUNTS else "selections"
-    raise UsageError("conditions.wanted_list", path=path, value=kind, value_2=value, wanted=wanted)
+    raise UsageError("conditions.wanted_list", path=path, kind=kind, value_2=value, wanted=wanted)

@@ -118,7 +118,7 @@ class Dynamics:
         u = np.where(self.held.fixed, self.held.values, 0.0)
         v = np.where(self.held.fixed, 0.0, node_velocities(velocity, self.space))
         if not (gap := self.contact.gap(u)) > 0:
-            raise InputError("dynamics.body_starts", value=-gap)
+            raise InputError("dynamics.body_starts", gap=-gap)
         self._known: tuple[np.ndarray, Response] = (u, self.body.response(u))
         force = self.load - self.response(u).force - self.held.springs * u
         force += self.contact.forces(u, len(u))

@@ -320,7 +320,7 @@ def solve_nonlinear(
     u[held.fixed] = held.values[held.fixed]
     contact = Contact(mesh, grid.space, obstacles, friction=0.0) if obstacles else None
     if contact and not contact.gap(u) > 0:
-        raise InputError("nonlinear.body_starts", value=-contact.gap(u))
+        raise InputError("nonlinear.body_starts", gap=-contact.gap(u))
     # The load, or what the prescribed motion makes.
     scale = float(max(np.linalg.norm(load), np.linalg.norm(elastic.response(u).force))) or 1.0
     potential = Potential(elastic, load, held, scale, contact)

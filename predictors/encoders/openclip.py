@@ -138,7 +138,7 @@ def _weights_file(open_clip: Any, model: str, pretrained: str) -> Path:
             "openclip.openclip_weights",
             model=model,
             pretrained=pretrained,
-            value=", ".join(known) or "none",
+            known=", ".join(known) or "none",
         )
     from huggingface_hub import try_to_load_from_cache
 

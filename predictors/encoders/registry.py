@@ -38,7 +38,7 @@ def check_encoder(name: str, *, speaks: bool = False) -> None:
     kind, colon, _ = name.partition(":")
     member = ENCODERS[kind]
     if colon and not hasattr(member, "with_weights"):
-        raise UsageError("registry.encoder_takes", value=kind, name=name)
+        raise UsageError("registry.encoder_takes", kind=kind, name=name)
     if speaks and not hasattr(member, "text"):
         able = " or ".join(other for other in ENCODERS if hasattr(ENCODERS[other], "text"))
         raise UsageError("registry.encoder_reads", name=name, able=able)

@@ -537,9 +537,9 @@ class Decider:
                 Note(
                     "lookup.part_text",
                     name=part.name,
-                    map=" and ".join(map(repr, named)),
+                    named=" and ".join(map(repr, named)),
                     first=first,
-                    map_2=", ".join(map(repr, others)),
+                    others=", ".join(map(repr, others)),
                 )
             )
         notes += [
@@ -695,7 +695,7 @@ def _kind_taken(part: NamedPart, statement: PartStatement, row: Material) -> tup
     naming = statement.naming
     if naming and naming.kind and "generic" not in row.name:
         kind = Note("lookup.kind_matter", phrase=naming.phrase)
-        return (Note("lookup.part_taken", name=part.name, value=kind, name_2=row.name),)
+        return (Note("lookup.part_taken", name=part.name, kind=kind, name_2=row.name),)
     return ()
 
 

@@ -193,7 +193,7 @@ def bind(sentence: Sentence, labels: Sequence[Sequence[str]]) -> Bound:
         # A doubt where it speaks of fewer parts than are called so: "3 of the legs"
         count, there = clause.subject.count, sum(k in part.clauses for part in bound)
         if count is not None and count < there and there != 1:
-            doubt = Note("clauses.such_parts", value=count or "some", there=there)
+            doubt = Note("clauses.such_parts", count=count or "some", there=there)
             clause = replace(clause, doubts=(*clause.doubts, doubt))
         counted.append(clause)
     return Bound(replace(sentence, clauses=tuple(counted)), tuple(bound), tuple(left))
