@@ -23,8 +23,8 @@ import numpy as np
 from autophyx_tet.fem.material import ElementMaterial, LameParameters
 from autophyx_tet.fem.mesh import TetMesh, box_mesh
 from autophyx_tet.predictors.field import MaterialField
-from autophyx_tet.predictors.lookup.lookup import PartStatement
 from autophyx_tet.predictors.prediction import PartChoice, Prediction
+from autophyx_tet.predictors.resolve.resolve import PartStatement
 from autophyx_tet.predictors.text.clauses import Bound, Clause, Sentence
 from autophyx_tet.predictors.text.hearing import EncodedClause, EncodedSentence
 from autophyx_tet.predictors.text.lexing import Lexed, Lexeme

@@ -1,4 +1,7 @@
-"""Notes: what a result or an error says, as a kind and its values; sentences are made elsewhere."""
+"""Notes: what a result or an error says, as a kind and its values.
+
+Sentences are made above: of the whole package by ``toolkit/verdict/sentences.toml``.
+"""
 
 from __future__ import annotations
 

@@ -2,7 +2,7 @@
 
 In: an asset's parts as voxels, what is seen of them, and a sentence.
 Out: E [Pa], nu [1] and rho [kg/m^3] of every cell, and why each part got what it got.
-Read: assign, text, lookup, appearance, encoders, film, unipixie, prediction.
+Read: assign, text, resolve, appearance, encoders, film, unipixie, prediction.
 
 The public names load on first use: ``from autophyx_tet.predictors import Grid``.
 """

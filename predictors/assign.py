@@ -11,10 +11,10 @@ from ..fem.table import MaterialTable, key, load_table
 from .appearance.features import Appearance
 from .asset import UpAxis
 from .grid import PartVoxels
-from .lookup.lookup import lookup_of
 from .partition import alike, merged
 from .prediction import PartChoice, Prediction
 from .predictor import PREDICTORS, Predictor
+from .resolve.resolve import lookup_of
 from .text.clauses import Bound
 
 

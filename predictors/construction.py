@@ -313,7 +313,7 @@ def kinds_named(stems: tuple[str, ...]) -> tuple[Kind, ...]:
     for kind in load_kinds():
         length = 0  # of the words that end ``stems``, also where a name writes two as one
         for words in kind.words:
-            joined = len(words) > 1 and stems[-1:] == ["".join(words)]
+            joined = len(words) > 1 and stems[-1:] == ("".join(words),)
             split = len(words) == 1 and len(stems) > 1 and words[0] == stems[-2] + stems[-1]
             if stems[-len(words) :] == words or joined or split:
                 length = max(length, len(words))

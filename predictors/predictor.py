@@ -60,6 +60,6 @@ PREDICTORS: Registry[type[Predictor]] = Registry(
     {
         "film": "film.predictor:FilmPredictor",
         "unipixie": "unipixie.predictor:UniPixiePredictor",
-        "retrieval": "lookup.lookup:RetrievalPredictor",
+        "retrieval": "resolve.resolve:RetrievalPredictor",
     },
 )

@@ -7,7 +7,7 @@ import json
 import numpy as np
 
 from ..fem.table import MaterialTable, load_table
-from ..predictors.lookup.similarity import FILE, row_text
+from ..predictors.resolve.similarity import FILE, row_text
 
 
 def keep_vectors(table: MaterialTable) -> None:

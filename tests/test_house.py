@@ -18,7 +18,7 @@ FLOORS = {
         "identify", "scenarios", "safety", "uncertainty",
     ),
     "predictors": (
-        "asset", "grid", "field", "encoders", "text", "appearance", "prediction", "lookup",
+        "asset", "grid", "field", "encoders", "text", "appearance", "prediction", "resolve",
         "partition", "predictor", "construction", "matter", "film", "unipixie", "assign",
     ),
     "converters": (

@@ -178,7 +178,7 @@ def assign(
     """
     from ..converters.transfer import divided_by_voxels, sample_material, voxelize
     from ..predictors.assign import predict_materials
-    from ..predictors.lookup.numbers import numbers_of_parts
+    from ..predictors.resolve.numbers import numbers_of_parts
     from .features import appearance_of
     from .walls import Called, Walls, build_parts, with_walls
 

@@ -17,9 +17,9 @@ from ..asset import UpAxis
 from ..encoders.registry import TextEncoder
 from ..field import MaterialField
 from ..grid import PartVoxels
-from ..lookup.lookup import Lookup, lookup_of, nearest_row
 from ..partition import Partition, match_clauses, partition
 from ..prediction import Binding, PartChoice, Prediction, field_of, unbound_by
+from ..resolve.resolve import Lookup, lookup_of, nearest_row
 from ..text.clauses import Sentence, bind
 from ..text.hearing import EncodedSentence, hear
 from .inference import FilmModel, Inference

@@ -18,8 +18,8 @@ from ..asset import UpAxis
 from ..encoders.registry import TextEncoder
 from ..field import Ranges
 from ..grid import PartVoxels
-from ..lookup.lookup import Lookup, lookup_of, nearest_row
 from ..prediction import PartChoice, Prediction
+from ..resolve.resolve import Lookup, lookup_of, nearest_row
 from ..text.clauses import Sentence, bind
 from ..text.hearing import NamedPart, own_name, vocabulary_of
 from .inference import (

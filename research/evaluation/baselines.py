@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ...predictors.field import DEFAULT
-from ...predictors.lookup.lookup import Lookup
+from ...predictors.resolve.resolve import Lookup
 from ...predictors.text.clauses import bind
 from ...predictors.text.reader import parse
 from .held_out import HeldOutObject

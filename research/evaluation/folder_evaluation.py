@@ -15,7 +15,7 @@ from ...predictors.appearance.features import Appearance
 from ...predictors.field import DEFAULT, MaterialField
 from ...predictors.film.predictor import FilmPredictor
 from ...predictors.grid import PartVoxels
-from ...predictors.lookup.lookup import RetrievalPredictor
+from ...predictors.resolve.resolve import RetrievalPredictor
 from ...predictors.text.reader import parse
 from .examples import Example, load_examples
 from .mass_errors import MassErrors, mass_errors

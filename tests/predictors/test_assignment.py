@@ -11,9 +11,9 @@ from autophyx_tet.predictors.assign import predict_materials
 from autophyx_tet.predictors.film.inference import FilmModel, Inference
 from autophyx_tet.predictors.film.predictor import Calibration, Certainty, FilmPredictor
 from autophyx_tet.predictors.grid import Grid, PartVoxels
-from autophyx_tet.predictors.lookup.lookup import Lookup, lookup_of
 from autophyx_tet.predictors.partition import SPECK, partition
 from autophyx_tet.predictors.prediction import Prediction
+from autophyx_tet.predictors.resolve.resolve import Lookup, lookup_of
 from autophyx_tet.predictors.text.hearing import (
     EncodedClause,
     HintedEncoder,

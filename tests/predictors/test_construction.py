@@ -40,6 +40,7 @@ def test_the_head_of_a_name_decides():
         "medicoscopia_bottle2": "glass bottle",
         "fire truck": "truck",
         "water bottles": "plastic bottle",
+        "waterbottle": "plastic bottle",
         "lamp shade": "lamp shade",
         "mail_box": "toolbox",
         "box": "case",

@@ -7,7 +7,7 @@ import pytest
 import trimesh
 from autophyx_tet.fem.mesh import box_mesh
 from autophyx_tet.fem.table import load_table
-from autophyx_tet.predictors.lookup.lookup import Lookup
+from autophyx_tet.predictors.resolve.resolve import Lookup
 from autophyx_tet.predictors.text.clauses import bind
 from autophyx_tet.predictors.text.reader import parse
 from autophyx_tet.toolkit.options import AssignOptions

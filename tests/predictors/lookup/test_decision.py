@@ -2,14 +2,14 @@
 
 import pytest
 from autophyx_tet.fem.table import load_table
-from autophyx_tet.predictors.lookup.lookup import (
+from autophyx_tet.predictors.resolve.resolve import (
     DENSITY,
     STIFFNESS,
     Decider,
     PartStatement,
     with_relations,
 )
-from autophyx_tet.predictors.lookup.similarity import RowKernel
+from autophyx_tet.predictors.resolve.similarity import RowKernel
 from autophyx_tet.predictors.text.clauses import Clause, Subject
 from autophyx_tet.predictors.text.hearing import NamedPart, vocabulary_of
 from autophyx_tet.predictors.text.numerals import Comparison, Quantity

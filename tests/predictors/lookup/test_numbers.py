@@ -2,8 +2,7 @@
 
 import pytest
 from autophyx_tet.fem.table import load_strengths, load_table, outside_band
-from autophyx_tet.predictors.lookup.lookup import lookup_of
-from autophyx_tet.predictors.lookup.numbers import (
+from autophyx_tet.predictors.resolve.numbers import (
     FIBRES,
     may_have,
     modulus_of_shore_a,
@@ -13,6 +12,7 @@ from autophyx_tet.predictors.lookup.numbers import (
     with_fibres,
     with_numbers,
 )
+from autophyx_tet.predictors.resolve.resolve import lookup_of
 from autophyx_tet.predictors.text.clauses import bind
 from autophyx_tet.predictors.text.numerals import Blend, Quantity
 from autophyx_tet.predictors.text.reader import parse

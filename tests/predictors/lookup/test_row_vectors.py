@@ -3,7 +3,7 @@
 import numpy as np
 from autophyx_tet.fem.table import load_table
 from autophyx_tet.predictors.encoders.minilm import MiniLM
-from autophyx_tet.predictors.lookup.similarity import kept_vectors, row_text
+from autophyx_tet.predictors.resolve.similarity import kept_vectors, row_text
 
 TABLE = load_table()
 

@@ -190,7 +190,7 @@ class Lookup:
             clauses = said.clauses or (Clause(free, (0, len(free)), _WHOLE),)
             statements[i] = PartStatement(clauses, override=free)
             warnings += [
-                Note("lookup.part", name=name, line=line) for line in (*said.notes, *_unread(said))
+                Note("resolve.part", name=name, line=line) for line in (*said.notes, *_unread(said))
             ]
         # What every part's name is against speaks of nothing else than these parts.
         if all(map(self._decider.keeps_name, parts, statements)):
@@ -204,7 +204,7 @@ def _unread(sentence: Sentence) -> Iterator[str]:
     left = [word for word in sentence.unread if not any(repr(word) in line for line in noted)]
     if left:
         words = ", ".join(map(repr, left))
-        yield Note("lookup.understood_text", words=words)
+        yield Note("resolve.understood_text", words=words)
 
 
 def _index(name: str, parts: Sequence[NamedPart]) -> int:
@@ -216,8 +216,8 @@ def _index(name: str, parts: Sequence[NamedPart]) -> int:
     if len(alike) == 1:
         return alike[0]
     near = difflib.get_close_matches(key(name), [key(other) for other in names], n=1)
-    hint = Note("lookup.you_mean", near=near[0]) if near else ""
-    raise UsageError("lookup.asset_part", name=name, names=", ".join(names), hint=hint)
+    hint = Note("resolve.you_mean", near=near[0]) if near else ""
+    raise UsageError("resolve.asset_part", name=name, names=", ".join(names), hint=hint)
 
 
 # Clauses about parts that no part is called after: given to the parts that nothing speaks of.
@@ -292,7 +292,7 @@ def with_relations(
         ready = [i for i in waiting if not any(k in waiting for ks in others[i] for k in ks)]
         if not ready:
             names = ", ".join(repr(out[i].part) for i in waiting)
-            notes.append(Note("lookup.parts_compared", names=names))
+            notes.append(Note("resolve.parts_compared", names=names))
             break
         for i in ready:
             for relation, found in zip(relations[i], others[i], strict=True):
@@ -306,7 +306,9 @@ def with_relations(
                 else:
                     notes.append(
                         Note(
-                            "lookup.part_compared", part=out[i].part, other=" ".join(relation.other)
+                            "resolve.part_compared",
+                            part=out[i].part,
+                            other=" ".join(relation.other),
                         )
                     )
         for i in ready:
@@ -335,9 +337,9 @@ def _related(
         return choice
     numbers = {"measure": measure, "wanted": wanted, "factor": relation.factor}
     if relation.exact:
-        how = Note("lookup.times_exact", **numbers, name=reference.name)
+        how = Note("resolve.times_exact", **numbers, name=reference.name)
     else:
-        how = Note("lookup.times_more_or_less", **numbers, name=reference.name)
+        how = Note("resolve.times_more_or_less", **numbers, name=reference.name)
     return replace(
         choice, value=choice.value._replace(**{measure: wanted}),
         derivation=(*choice.derivation, how),
@@ -535,7 +537,7 @@ class Decider:
         if others:
             notes.append(
                 Note(
-                    "lookup.part_text",
+                    "resolve.part_text",
                     name=part.name,
                     named=" and ".join(map(repr, named)),
                     first=first,
@@ -592,16 +594,16 @@ class Decider:
             why = f"name: {part.material_label!r}"
             doubts = _kind_taken(part, statement, label)
             if statement.whole and naming and naming.material != label.name:
-                wins = Note("lookup.name_wins", name=label.name, material=naming.material)
+                wins = Note("resolve.name_wins", name=label.name, material=naming.material)
                 doubts = (*doubts, f"part {part.name!r}: {wins}")
             known = statement.unknown is None
             return _choice(part, label, why, clause=deciding, settled=known, doubts=doubts)
         coating = statement.first("coating")
         if coating and key(coating) in self.table.phrases and not label:
             row = self.table.exact(coating)
-            doubt = Note("lookup.part_only", name=part.name, name_2=row.name)
+            doubt = Note("resolve.part_only", name=part.name, name_2=row.name)
             return _choice(
-                part, row, Note("lookup.covers", coating=coating), guessed=True, doubts=(doubt,)
+                part, row, Note("resolve.covers", coating=coating), guessed=True, doubts=(doubt,)
             )
         if deciding is None or statement.unknown is not None:
             # Choose the row nearest in meaning to the part's name; the common ones if all are far
@@ -655,10 +657,10 @@ class Decider:
         common = names & usual or names
         near = self.kernel.nearest(_query(part, statement), among=names, common=common)
         doubt = Note(
-            "lookup.part_material", name=part.name, text=deciding.text, name_2=near.row.name
+            "resolve.part_material", name=part.name, text=deciding.text, name_2=near.row.name
         )
         return _choice(
-            part, near.row, Note("lookup.nearest_meaning", text=deciding.text), clause=deciding,
+            part, near.row, Note("resolve.nearest_meaning", text=deciding.text), clause=deciding,
             weight=near.share, guessed=True, settled=not statement.open,
             doubts=() if fitting else (doubt,),
         )  # fmt: skip
@@ -694,8 +696,8 @@ def _kind_taken(part: NamedPart, statement: PartStatement, row: Material) -> tup
     """That a row stands for a kind of matter; generic rows span theirs."""
     naming = statement.naming
     if naming and naming.kind and "generic" not in row.name:
-        kind = Note("lookup.kind_matter", phrase=naming.phrase)
-        return (Note("lookup.part_taken", name=part.name, kind=kind, name_2=row.name),)
+        kind = Note("resolve.kind_matter", phrase=naming.phrase)
+        return (Note("resolve.part_taken", name=part.name, kind=kind, name_2=row.name),)
     return ()
 
 
