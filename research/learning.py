@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING, Any
 
 from ..fem.errors import InputError, UsageError
 from ..predictors.encoders import speaking_encoder
+from ..toolkit.asset import path_of
 from ..toolkit.asset.child import Progress
-from ..toolkit.asset.document import check_folder, path_of
+from ..toolkit.asset.document import check_folder
 from .datasets import sweethome3d
 from .datasets.real import RealObject, load_real
 from .prepare import RANGES, TEXT, TRAINING, VALIDATION, furniture

@@ -22,9 +22,10 @@ from ..predictors.asset import Asset
 from ..predictors.encoders import ImageEncoder, load_encoder, speaking_encoder
 from ..predictors.grid import PartVoxels
 from ..predictors.matter import LOOK
+from .asset import path_of
 from .asset.cache import digest, recalled, remember
 from .asset.coloured_grid import is_carrier, read_coloured_grid
-from .asset.document import check_file, path_of
+from .asset.document import check_file
 from .options import FeatureOptions, with_given
 
 log = logging.getLogger(__name__)

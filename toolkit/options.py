@@ -22,8 +22,7 @@ from ..fem.scene import UpAxis
 from ..fem.solve.method import SCENARIOS
 from ..predictors.encoders import ENCODERS, check_encoder
 from ..predictors.predictor import PREDICTORS
-from .asset import Unit
-from .asset.document import path_of
+from .asset import Unit, path_of
 from .meshing.meshers import AUTO, MESHERS
 
 # What a stage of progress begins with that says how long a run will take: it is always shown.

@@ -13,6 +13,7 @@ import numpy as np
 
 from ..fem.mesh import TetMesh
 from ..predictors.asset import Asset
+from .asset import path_of
 from .asset.document import (
     Sidecar,
     check_file,
@@ -20,7 +21,6 @@ from .asset.document import (
     check_outputs,
     check_run,
     now,
-    path_of,
     read_known,
 )
 from .options import AssignOptions, ConvertOptions, SimulateOptions, command_line, pairs, with_given

@@ -17,7 +17,8 @@ from ..fem.grain import grained_parts, parts_of_grain, with_grains
 from ..fem.mesh import TetMesh, material_of
 from ..predictors.field import MaterialField
 from ..predictors.grid import Grid
-from .asset.document import BodyRecord, Sidecar, check_file, mesh_document, path_of
+from .asset import path_of
+from .asset.document import BodyRecord, Sidecar, check_file, mesh_document
 from .driving import checked_scale
 from .options import ExportOptions, TransferOptions, with_given
 from .simulation.scenario import grains_of_options

@@ -55,7 +55,7 @@ def depth_inside(points):
 def test_photographs_give_the_solid_back(photographs):
     """Filled, the field is the solid farther than a cell from its surface, but for one in 100."""
     found = fit_radiance(photographs, GRID, options=QUICK)
-    solid = fill(found.density > 0).occupied
+    solid = fill(found.density > 0)
     depth = depth_inside(GRID.centers())
     away = np.abs(depth) > GRID.h
     assert (solid == (depth > 0))[away].mean() > 0.99
@@ -74,7 +74,7 @@ def test_a_plain_background_does_without_alpha(photographs):
     opaque = np.ones_like(photographs.opacity)
     views = Views(photographs.cameras, colour.astype(np.float32), opaque)
     found = fit_radiance(views, GRID, options=QUICK)
-    solid = fill(found.density > 0).occupied
+    solid = fill(found.density > 0)
     depth = depth_inside(GRID.centers())
     assert solid[depth < -2 * GRID.h].mean() < 0.01
     assert solid[depth > GRID.h].mean() > 0.8  # the short fit leaves thin places

@@ -139,18 +139,18 @@ def test_a_sentence_is_read_once_whoever_predicts(monkeypatch):
     Walls too: what a thing is and what it is full of comes from the clauses.
     """
     parsed, read = [], Counter()
-    lex, materials = reader.lex, statement.Reader._materials
+    lex, hear = reader.lex, statement.Reader.__call__
 
     def counted_lexing(text, *others):
         parsed.append(text)
         return lex(text, *others)
 
-    def counted_reading(self, raw, stems):
-        read[" ".join(raw)] += 1
-        return materials(self, raw, stems)
+    def counted_reading(self, text):
+        read[text] += 1
+        return hear(self, text)
 
     monkeypatch.setattr(reader, "lex", counted_lexing)
-    monkeypatch.setattr(statement.Reader, "_materials", counted_reading)
+    monkeypatch.setattr(statement.Reader, "__call__", counted_reading)
     text = "the legs are very soft oak, the seat is squishy"
     for name in PREDICTORS:
         parsed.clear(), read.clear()

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 from datetime import datetime
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Any, get_args, overload
+from typing import Any, get_args
 
 import numpy as np
 
@@ -23,7 +23,6 @@ from ...predictors.asset import Asset, UpAxis
 from ...predictors.grid import PartVoxels
 
 SCHEMA = 1
-AnyPath = str | os.PathLike[str]
 _VERSIONED = ("autophyx-tet", "numpy", "scipy", "trimesh", "pytetwild", "libigl", "warp-lang")
 
 
@@ -275,15 +274,6 @@ class BodyRecord:
 SIDECAR = frozenset({"schema", "up", "labels", "source", "record"})
 RUN = frozenset({"schema", "files", "cases"})
 BATCH = frozenset({"schema", "files", "rows"})
-
-
-@overload
-def path_of(path: AnyPath) -> Path: ...
-@overload
-def path_of(path: AnyPath | None) -> Path | None: ...
-def path_of(path: AnyPath | None) -> Path | None:
-    """Path of what a user gives as a text or as a path; None where nothing is given."""
-    return None if path is None else Path(path)
 
 
 def check_file(path: Path, suffixes: tuple[str, ...]) -> None:

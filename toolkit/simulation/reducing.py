@@ -30,7 +30,8 @@ from ...fem.solve.schemes import Scheme
 from ...fem.springs.body import spring_body
 from ...fem.springs.fit import SpringFit, fit_both_ends, fit_to_motion, spring_warnings
 from ...predictors.asset import UpAxis
-from ..asset.document import check_file, path_of, read_known
+from ..asset import path_of
+from ..asset.document import check_file, read_known
 from ..options import SimulateOptions
 from ..verdict.reduction import Match, Reduction, SpringMatch, WhatIfTable
 from .scenario import (

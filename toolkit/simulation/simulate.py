@@ -18,7 +18,8 @@ from ...fem.mpm.time_step import MpmError
 from ...fem.solve.method import SCENARIOS
 from ...predictors.asset import UpAxis
 from ...predictors.field import MaterialField
-from ..asset.document import BodyRecord, check_file, check_folder, path_of, read_known
+from ..asset import path_of
+from ..asset.document import BodyRecord, check_file, check_folder, read_known
 from ..driving import checked_scale
 from ..driving import drive as move_carrier
 from ..options import SimulateOptions, command_line
