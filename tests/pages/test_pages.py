@@ -23,6 +23,7 @@ ELSEWHERE = {
     "make demo": ITSELF,
     "make check": ITSELF,
     "make test": ITSELF,
+    "make long": ITSELF,
     "make test-all": ITSELF,
     "make newest": ITSELF,
     "make notebooks": "is what tests/test_notebooks.py does, source by source",
