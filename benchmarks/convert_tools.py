@@ -64,7 +64,7 @@ def _ours(path: Path, out: Path, args: argparse.Namespace) -> None:
 
 def _measure(path: Path, out: Path, args: argparse.Namespace) -> None:
     """Hold a peer's mesh against the same guarantees."""
-    from autophyx_tet.converters.files import load_npz
+    from autophyx_tet.converters.npz import load_npz
     from autophyx_tet.fem.mesh import TetMesh
     from autophyx_tet.toolkit.asset.load import load_asset
     from autophyx_tet.toolkit.meshing import guarantees as conversion

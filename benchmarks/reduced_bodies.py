@@ -12,8 +12,8 @@ import time
 from dataclasses import dataclass, replace
 
 import numpy as np
-from autophyx_tet.converters.files import load_npz
 from autophyx_tet.converters.mesh.meshdata import read_mesh
+from autophyx_tet.converters.npz import load_npz
 from autophyx_tet.fem.elements.assembly import node_supports
 from autophyx_tet.fem.elements.forces import lumped_mass
 from autophyx_tet.fem.elements.space import make_space

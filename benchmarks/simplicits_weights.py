@@ -117,7 +117,7 @@ def kept_weights(name: str, mesh: TetMesh, folder: Path) -> tuple[np.ndarray, fl
 
     Later calls read ``folder``, as they do of the meshes.
     """
-    from autophyx_tet.converters.files import load_npz
+    from autophyx_tet.converters.npz import load_npz
 
     path = folder / f"simplicits-{name}.npz"
     if not path.exists():

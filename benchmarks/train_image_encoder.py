@@ -21,7 +21,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from autophyx_tet.converters.files import load_npz, save_npz
+from autophyx_tet.converters.npz import load_npz, save_npz
 from autophyx_tet.fem.errors import AutophyxError
 from autophyx_tet.predictors.encoders.minilm import MiniLM
 from autophyx_tet.predictors.encoders.network import COLOURS, Widths

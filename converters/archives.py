@@ -17,7 +17,8 @@ from ..fem.note import Note
 from ..fem.reduced.model import Accuracy, ReducedModel, Subspace
 from ..fem.solve.schemes import Scheme
 from ..fem.springs.fit import SpringFit
-from .files import load_npz, reading, save_npz
+from .files import reading
+from .npz import load_npz, save_npz
 
 # By kind: of models the second has the nodes of quadratic elements too, of fits a soft and a stiff
 # end.

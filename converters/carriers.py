@@ -12,7 +12,7 @@ import numpy as np
 from ..fem.errors import InputError
 from ..fem.mesh import TetMesh
 from ..predictors.field import FieldSample, MaterialField, sample_field
-from . import files as npz
+from . import npz
 from .files import writing
 from .grids import DensityGrid, density_losses, read_density, write_density
 from .points.gaussians import gaussians

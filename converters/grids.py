@@ -23,7 +23,7 @@ from ..fem.device import start_warp
 from ..fem.errors import InputError, NoVolumeError
 from ..fem.note import Note
 from ..predictors.grid import MAX_CELLS, Grid
-from . import files as npz
+from . import npz
 from .files import reading, writing
 from .registry import GRID_FORMATS, Format, Keeps, format_of, warn_of_losses, written
 

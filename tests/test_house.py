@@ -22,7 +22,7 @@ FLOORS = {
         "partition", "predictor", "construction", "matter", "film", "unipixie", "assign",
     ),
     "converters": (
-        "registry", "files", "archives", "kernels", "mesh", "grids", "points", "embedding",
+        "registry", "files", "npz", "archives", "kernels", "mesh", "grids", "points", "embedding",
         "transfer", "carriers", "programs",
     ),
     "toolkit": (

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..converters.files import save_npz
+from ..converters.npz import save_npz
 from ..predictors.appearance.features import (
     Appearance,
     VoxelFeatures,

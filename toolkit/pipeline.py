@@ -256,7 +256,7 @@ def _read(
 
 def _written(result: Assignment, output: Path | None, field_output: Path | None) -> Assignment:
     """Write the mesh with its sidecar, and the field; the files are on record."""
-    from ..converters import files as npz
+    from ..converters import npz
     from ..converters.mesh.meshdata import write_mesh
 
     files: tuple[Path, ...] = ()

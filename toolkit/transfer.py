@@ -280,7 +280,7 @@ def export(
 
 def _read_source(path: Path) -> MaterialField | TetMesh:
     """Read a field or a mesh; other columns of points with E, nu, rho become a field."""
-    from ..converters import files as npz
+    from ..converters import npz
     from ..converters.mesh.meshdata import read_mesh
     from ..converters.registry import MESH_FORMATS, POINT_FORMATS
     from ..converters.transfer import read_field_points

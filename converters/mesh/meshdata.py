@@ -18,7 +18,7 @@ from ...fem.grain import grained_parts
 from ...fem.material import GRAIN, material_arrays, material_from
 from ...fem.mesh import TetMesh, signed_volumes
 from ...fem.note import Note
-from .. import files as npz
+from .. import npz
 from ..files import check_counts, reading
 from ..registry import MATERIAL, MESH_FORMATS, Format, Keeps, format_of, warn_of_losses, written
 

@@ -13,7 +13,7 @@ from jaxtyping import Float
 
 from ...fem.errors import InputError
 from ...fem.note import Note
-from .. import files as npz
+from .. import npz
 from ..files import reading
 from ..registry import POINT_FORMATS, Format, Keeps, format_of, warn_of_losses, written
 

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from ...fem.mesh import TetMesh, material_of
-from ..files import save_npz
 from ..mesh.vtk import write_vtk
+from ..npz import save_npz
 from ..registry import MATERIAL, Format, Keeps, Program
 from .export import SceneOptions
 from .material_bins import vertex_masses

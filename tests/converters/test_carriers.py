@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from autophyx_tet.converters import files as npz
+from autophyx_tet.converters import npz
 from autophyx_tet.converters.carriers import append_material
 from autophyx_tet.converters.grids import DensityGrid, read_density, write_density
 from autophyx_tet.converters.points.gaussians import standard_columns

@@ -7,8 +7,8 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from autophyx_tet.converters.files import load_npz
 from autophyx_tet.converters.mesh.meshdata import read_data, read_mesh
+from autophyx_tet.converters.npz import load_npz
 from autophyx_tet.converters.programs.export import export_mesh
 from autophyx_tet.converters.programs.material_bins import (
     NameStyle,

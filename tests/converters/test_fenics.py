@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from autophyx_tet.converters.files import load_npz
+from autophyx_tet.converters.npz import load_npz
 from autophyx_tet.converters.programs.export import export_mesh
 from autophyx_tet.fem.scene.supports import Supports
 from autophyx_tet.fem.solve.statics import solve_static

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from autophyx_tet.converters.files import load, load_npz, save, save_npz
+from autophyx_tet.converters.npz import load, load_npz, save, save_npz
 from autophyx_tet.fem.errors import InputError
 from autophyx_tet.fem.mesh import box_mesh
 from autophyx_tet.predictors.field import MaterialField, Ranges

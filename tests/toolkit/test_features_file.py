@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 import trimesh
-from autophyx_tet.converters.files import load_npz
+from autophyx_tet.converters.npz import load_npz
 from autophyx_tet.predictors.grid import Grid
 from autophyx_tet.toolkit.cli.main import main
 from autophyx_tet.toolkit.report.picture import voxel_shell

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 import trimesh
-from autophyx_tet.converters import files as npz
+from autophyx_tet.converters import npz
 from autophyx_tet.converters.mesh.meshdata import read_data, read_mesh
 from autophyx_tet.fem.mesh import TetMesh, box_mesh
 from autophyx_tet.fem.table import load_table

@@ -6,10 +6,10 @@ from io import BytesIO
 
 import numpy as np
 import pytest
-from autophyx_tet.converters import files as npz
-from autophyx_tet.converters.files import load_npz, save_npz
+from autophyx_tet.converters import npz
 from autophyx_tet.converters.mesh.meshdata import write_mesh
 from autophyx_tet.converters.mesh.vtk import read_pvd
+from autophyx_tet.converters.npz import load_npz, save_npz
 from autophyx_tet.converters.points.table import read_points, write_points
 from autophyx_tet.fem.errors import UsageError
 from autophyx_tet.fem.material import ElementMaterial

@@ -16,7 +16,8 @@ from typing import Any
 
 import numpy as np
 
-from ...converters.files import UNFINISHED, load_npz, save_npz
+from ...converters.files import UNFINISHED
+from ...converters.npz import load_npz, save_npz
 from ...fem.errors import AutophyxError, InputError, UsageError
 from .child import Progress, run_guarded
 from .engines import Arrays

@@ -105,7 +105,7 @@ def run_guarded(
 
 
 def _result(child: subprocess.Popen[bytes], folder: Path, seconds: float) -> Arrays:
-    from ...converters.files import load_npz
+    from ...converters.npz import load_npz
 
     if child.returncode == 0 and (folder / _RESULT).exists():
         return load_npz(folder / _RESULT)
@@ -122,7 +122,7 @@ def _result(child: subprocess.Popen[bytes], folder: Path, seconds: float) -> Arr
 
 def main(folder: Path, parent: int) -> int:
     """Do the job that lies in ``folder``: the child's side."""
-    from ...converters.files import load_npz
+    from ...converters.npz import load_npz
 
     arrays = load_npz(folder / _JOB)
     job = json.loads(str(arrays.pop("__job__")))

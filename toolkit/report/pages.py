@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Float, UInt8
 
 from ... import __version__
-from ...converters import files as npz
+from ...converters import npz
 from ...converters.files import writing_folder
 from ...converters.mesh.meshdata import write_mesh
 from ...fem.errors import ConvergenceError, InputError, UsageError

@@ -197,7 +197,7 @@ def _voxel_body(path: Path, *, cells: int, scale: float = 1.0) -> VoxelBody | No
     Splats and points are filled on a grid of ``cells`` along their longest side; their unit is
     ``scale`` metres.
     """
-    from ...converters import files as npz
+    from ...converters import npz
     from ...converters.points.table import read_points
     from ...converters.transfer import field_from_points, tets_of_field
 
