@@ -174,33 +174,29 @@ class Prediction:
             yield from choice.warnings
             if choice.elsewhere:
                 said = choice.clause.text if choice.clause else ""
-                yield (
-                    Note(
-                        "prediction.part_called",
-                        said=said,
-                        part=choice.part,
-                        material=choice.material,
-                        say=say,
-                    )
+                yield Note(
+                    "prediction.part_called",
+                    said=said,
+                    part=choice.part,
+                    material=choice.material,
+                    say=say,
                 )
             elif choice.understood and (
                 choice.guessed or choice.weight < GUESS or unsaid or foreign
             ):
                 taken = Note("prediction.guessed") if choice.network else "taken as"
-                yield (
-                    Note(
-                        "prediction.nothing_names",
-                        part=choice.part,
-                        taken=taken,
-                        material=choice.material,
-                        say=say,
-                    )
+                yield Note(
+                    "prediction.nothing_names",
+                    part=choice.part,
+                    taken=taken,
+                    material=choice.material,
+                    say=say,
                 )
         pieces_of = Counter(self.parents)
         for parent in sorted(i for i, count in pieces_of.items() if count > 1):
             pieces = [self.parts.part_names[i] for i, p in enumerate(self.parents) if p == parent]
-            yield (
-                Note("prediction.part_asset", pieces=", ".join(map(repr, pieces)), divided=DIVIDED)
+            yield Note(
+                "prediction.part_asset", pieces=", ".join(map(repr, pieces)), divided=DIVIDED
             )
         for clause in self.unbound:
             yield Note("prediction.part_found", clause=clause)

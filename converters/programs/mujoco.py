@@ -90,19 +90,17 @@ def _notes(mesh: TetMesh, options: SceneOptions) -> Iterator[str]:
             if motion.stiff
             else Note("mujoco.thinnest_tets", step=1e3 * step)
         )
-        yield (Note("mujoco.written_mujoco_rigid", longest=1e3 * _LONGEST, why=why))
+        yield Note("mujoco.written_mujoco_rigid", longest=1e3 * _LONGEST, why=why)
         return
     loss = _SPIN * step * (2 + 3 * (step / motion.sound) ** 2)
-    yield (
-        Note(
-            "mujoco.written_mujoco",
-            step=1e3 * step,
-            iterations=motion.iterations,
-            step_2=step / 2e-3,
-            spin=_SPIN,
-            loss=100 * loss,
-            pi=0.1 / (2 * np.pi * step),
-        )
+    yield Note(
+        "mujoco.written_mujoco",
+        step=1e3 * step,
+        iterations=motion.iterations,
+        step_2=step / 2e-3,
+        spin=_SPIN,
+        loss=100 * loss,
+        pi=0.1 / (2 * np.pi * step),
     )
     if (many := len(np.unique(mesh.tets))) > _MANY:
         yield Note("mujoco.vertices_give", many=many, many_2=3 * many)

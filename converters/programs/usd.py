@@ -83,7 +83,7 @@ def _tet_mesh(mesh: TetMesh, bins: Bins) -> Iterator[str]:
     yield '        uniform token subsetFamily:materialBind:familyType = "partition"\n'
     for i in range(len(bins)):
         members = ", ".join(map(str, np.flatnonzero(bins.label == i).tolist()))
-        yield (Note("usd.def_geomsubset", i=i + 1, members=members))
+        yield Note("usd.def_geomsubset", i=i + 1, members=members)
     yield "    }\n"
 
 
