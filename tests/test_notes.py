@@ -31,11 +31,15 @@ def _calls() -> list[tuple[str, str, set[str]]]:
             if not (isinstance(node, ast.Call) and node.args):
                 continue
             name = ast.unparse(node.func)
-            first = node.args[0]
-            if (name == "Note" or name.endswith("Error")) and isinstance(first, ast.Constant):
-                kind = str(first.value)
-                if " " not in kind and "." in kind:
-                    values = {keyword.arg or "**" for keyword in node.keywords}
+            first, values = node.args[0], {keyword.arg or "**" for keyword in node.keywords}
+            kinds = (first.body, first.orelse) if isinstance(first, ast.IfExp) else (first,)
+            for kind in (getattr(one, "value", None) for one in kinds):
+                if not isinstance(kind, str):
+                    continue
+                advice = f"advice.{kind.replace(' ', '_')}"  # by the name of a check
+                if name == "Check" and advice in _sentences():
+                    calls.append((f"{path}:{node.lineno}", advice, set()))
+                elif (name == "Note" or name.endswith("Error")) and " " not in kind and "." in kind:
                     calls.append((f"{path}:{node.lineno}", kind, values))
     return calls
 

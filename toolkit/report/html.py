@@ -32,7 +32,7 @@ from ...predictors.asset import UpAxis
 from ..verdict.description import Acting, Marks
 from ..verdict.verdict import (
     MARKS,
-    Verdict,
+    Check,
     mass_words,
     rounded,
     si,
@@ -151,7 +151,7 @@ class Case:
     motion: Float[np.ndarray, "frames points 3"] | None = None
     times: Float[np.ndarray, "frames"] | None = None
     frequencies: tuple[float, ...] = ()
-    verdicts: tuple[Verdict, ...] = ()
+    verdicts: tuple[Check, ...] = ()
     title: str = ""
     acting: tuple[Acting, ...] = ()
     marks: Marks | None = None
@@ -336,7 +336,7 @@ def _column(case: Case, letter: str) -> dict[str, Any]:
             "mark": verdict.mark,
             "sign": MARKS[verdict.mark],
             "sentence": verdict.sentence,
-            "below": verdict.advice or ("" if verdict.mark == "good" else verdict.detail),
+            "below": verdict.advice or ("" if verdict.mark == "good" else verdict.name),
         }  # what makes the body unfit for its use stands first
         for verdict in sorted(case.verdicts, key=lambda one: one.mark in ("good", "note"))
     ]
