@@ -17,7 +17,9 @@ def _sentences() -> dict[str, set[str]]:
     """Kind -> fields of its sentence."""
     tables = tomllib.loads((ROOT / "toolkit/verdict/sentences.toml").read_text())
     return {
-        f"{file}.{key}": {name for _, name, _, _ in string.Formatter().parse(text) if name}
+        f"{file}.{key}": {
+            name.partition(".")[0] for _, name, _, _ in string.Formatter().parse(text) if name
+        }
         for file, table in tables.items()
         for key, text in table.items()
     }

@@ -26,6 +26,7 @@ from jaxtyping import Float, Int
 from ...converters.files import writing
 from ...fem.errors import InputError
 from ...fem.mesh import TetMesh
+from ...fem.note import Note
 from ...fem.reduced.model import ReducedModel
 from ...fem.table import Span
 from ...predictors.asset import UpAxis
@@ -285,10 +286,7 @@ def page(content: ReportContent) -> dict[str, Any]:
     for case in content.cases:
         shown = frames_shown(case, content).size
         if case.motion is not None and shown < len(case.motion):
-            warnings.append(
-                f"The page shows {shown} of {len(case.motion)} motion frames to stay small; "
-                "the motion file has them all."
-            )
+            warnings.append(Note("html.frames_shown", shown=shown, frames=len(case.motion)))
     pictures = [
         (caption, "gif" if data.startswith(b"GIF") else "png", base64.b64encode(data).decode())
         for caption, data in content.pictures.items()

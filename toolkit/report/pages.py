@@ -273,9 +273,7 @@ def touch_of(scene: Scene) -> TouchBody:
     except (InputError, ConvergenceError) as error:
         raise UsageError(f"it has no reduced model: {error}") from error
     if model.dofs > MOST_DOFS or len(model.cells) > MOST_CELLS:
-        raise UsageError(
-            f"{model.dofs} coordinates and {len(model.cells)} cells are too many for a page"
-        )
+        raise UsageError("pages.too_many", dofs=model.dofs, cells=len(model.cells))
     return shown(model)
 
 

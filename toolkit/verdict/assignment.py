@@ -50,8 +50,7 @@ class Assignment:
     def __repr__(self) -> str:
         return in_a_line(self)
 
-    def _repr_html_(self) -> str:
-        return as_table(self)
+    _repr_html_ = as_table
 
     def part_rows(self) -> list[dict[str, Any]]:
         """One row a part: material, values, ranges, source, why, volume [m^3], mass [kg].

@@ -79,8 +79,7 @@ class RunResult:
     def __repr__(self) -> str:
         return in_a_line(self)
 
-    def _repr_html_(self) -> str:
-        return as_table(self)
+    _repr_html_ = as_table
 
     @property
     def turned(self) -> bool:
@@ -174,11 +173,6 @@ class Stopwatch:
             kept[name] = kept.get(name, 0.0) + ended - began
         self._last = now
 
-    @property
-    def spent(self) -> tuple[dict[str, float], dict[str, float]]:
-        """Seconds of every stage on the wall, and of processors."""
-        return self.seconds, self.cpu_seconds
-
     @staticmethod
     def _now() -> tuple[float, float]:
         """Time on the wall, and that of this process and of its children that have ended [s]."""
@@ -198,8 +192,7 @@ class Conversion:
     def __repr__(self) -> str:
         return in_a_line(self)
 
-    def _repr_html_(self) -> str:
-        return as_table(self)
+    _repr_html_ = as_table
 
     @property
     def warnings(self) -> list[str]:

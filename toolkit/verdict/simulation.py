@@ -61,8 +61,7 @@ class Simulation(ABC):
     def __repr__(self) -> str:
         return in_a_line(self)
 
-    def _repr_html_(self) -> str:
-        return as_table(self)
+    _repr_html_ = as_table
 
     @property
     def mesh(self) -> TetMesh:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from html import escape
-from typing import Any, Literal, Protocol, runtime_checkable
+from typing import Any, Literal
 
 import numpy as np
 
@@ -54,7 +54,8 @@ class Check:
 
     Examples
     --------
-    >>> found = Check("mass", "failed", "It weighs 9 t.", value=9000.0, limit=23.0, unit="kg")
+    >>> import autophyx_tet as apx
+    >>> found = apx.Check("mass", "failed", "It weighs 9 t.", value=9000.0, limit=23.0, unit="kg")
     >>> found.mark, found.parameter
     ('note', 'wall')
     """
@@ -125,21 +126,12 @@ def with_doubts(checks: Sequence[Check], differences: Sequence[str] = ()) -> lis
 _COLUMNS = ("part", "material", "E", "nu", "kg/m³", "mass", "because")
 
 
-@runtime_checkable
-class Told(Protocol):
-    """What has a document."""
-
-    def document(self) -> dict[str, Any]:
-        """Return what ``--json`` prints."""
-        ...
-
-
-def in_a_line(result: Told) -> str:
-    """Name of the result, its size, what was found, and how many warnings there are."""
+def in_a_line(result: Any) -> str:
+    """Name of a result that has a document, its size, what was found, and how many warnings."""
     return f"<{type(result).__name__}: {', '.join(_facts(result.document()))}>"
 
 
-def as_table(result: Told) -> str:
+def as_table(result: Any) -> str:
     """HTML of the same with a row a part, the verdicts and the warnings."""
     document = result.document()
     lines = [f"<b>{escape(type(result).__name__)}</b>: {escape(', '.join(_facts(document)))}"]
