@@ -272,10 +272,6 @@ class Contact:
         )
         return ContactPressures(largest[:-1], float(largest[-1]))
 
-    def passes(self, u: np.ndarray, after: np.ndarray) -> bool:
-        """Whether the body can go from ``u`` to ``after`` without meeting itself."""
-        return self.own is None or self.own.longest_step(u, after - u) == 1
-
     def piece_forces(self, u: np.ndarray) -> tuple[PieceForce, ...]:
         """Force of every piece on every other that it touches."""
         return self.own.piece_forces(u) if self.own else ()
