@@ -476,22 +476,8 @@ def reduce_body(
             far = principal_fields(swung, kept, body.mass, swung.shape[2])
             basis = orthonormal_fields(np.concatenate([kept, far], axis=2), body.mass)
             whole = whole_model(body, basis, Subspace.VECTOR)
-    stiffening = 1.0 if used == 2 else stiffening
-    return on_few_cells(whole, acting, most_cells, stiffening=stiffening, seed=seed)
-
-
-def on_few_cells(
-    whole: ReducedModel,
-    acting: Float[np.ndarray, "nodes 3"],
-    most_cells: int,
-    *,
-    stiffening: float,
-    seed: int = 0,
-) -> ReducedModel:
-    """The model with its ``stiffening``, on cells accepted by the forces ``acting`` [N]; 0: all."""
-    whole = replace(whole, accuracy=whole.accuracy._replace(stiffening=stiffening))
-    if not most_cells:
-        return whole
+    accuracy = whole.accuracy._replace(stiffening=1.0 if used == 2 else stiffening)
+    whole = replace(whole, accuracy=accuracy)
     return with_cells(whole, whole.pull_back(acting), most_cells, seed=seed)
 
 

@@ -283,9 +283,10 @@ def network_frequencies(
     shift = SHIFT * typical
     shifted = scaled + diags_array(np.where(free, shift, typical).ravel())
     blocks = shifted.tobsr((3, 3)).sorted_indices()
-    values = wp.array(blocks.data, dtype=wp.mat33d, device="cpu")
-    ints = (wp.array(a, dtype=wp.int32, device="cpu") for a in (blocks.indptr, blocks.indices))
-    matrix = BlockMatrix(*ints, values)
+    rows, columns = (
+        wp.array(a, dtype=wp.int32, device="cpu") for a in (blocks.indptr, blocks.indices)
+    )
+    matrix = BlockMatrix(rows, columns, wp.array(blocks.data, dtype=wp.mat33d, device="cpu"))
     factor = CholeskyFactor(matrix, planned_elimination(matrix))
 
     def inverse(x: np.ndarray) -> np.ndarray:

@@ -422,8 +422,8 @@ def eta_for_ratio(network: SpringNetwork, ratio: float) -> float:
         return SOFTEST
     from scipy.optimize import brentq
 
-    options = {"xtol": 1e-12 * SOFTEST, "rtol": 1e-14}
-    return float(brentq(lambda eta: log_stiffness(eta) - target, STIFFEST, SOFTEST, **options))
+    root: Any = brentq(lambda eta: log_stiffness(eta) - target, STIFFEST, SOFTEST, xtol=1e-11)
+    return root
 
 
 def stiffened(
