@@ -81,7 +81,7 @@ def find_load_factor(result: StaticResult, supports: Supports) -> LoadFactor:
     pattern, count = grid.pattern, len(grid.space.nodes)
     stresses = wp.array(stress, dtype=wp.mat33d, device=grid.device)
     values = wp.zeros(pattern.columns.shape[0], dtype=wp.float64, device=grid.device)
-    inputs = [grid.points, grid.elements, grid.quadrature, stresses, pattern.slots, values]
+    inputs = [grid.tets, stresses, pattern.slots, values]
     wp.launch(k.geometric_stiffness, len(stress), inputs=inputs, device=grid.device)
     arrays = (values.numpy(), pattern.columns.numpy(), pattern.rows.numpy())
     pencil = _Pencil(inverse, free, csr_array(arrays, shape=(count, count)))
