@@ -167,9 +167,8 @@ def locking(result: StaticResult | MotionResult) -> Check:
     """Whether the elements stand nearly incompressible materials, and bending."""
     fraction = result.locking_fraction
     used = Note("checks.quadratic" if result.order == 2 else "checks.linear")
-    if isinstance(result, StaticResult):
-        used += Note("checks.averaged") if result.averaged else ""
-    elif not fraction and (coarse := too_coarse(result.stiffening)):
+    moving = isinstance(result, MotionResult)
+    if moving and not fraction and (coarse := too_coarse(result.stiffening)):
         said = Note("checks.bends_stiffly", coarse=coarse, limit=BENDS_ALIKE)
         return Check("locking", "failed", said, result.stiffening, BENDS_ALIKE)
     told = {"used": used, "nu": LOCKING, "fraction": fraction}
