@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import fields, replace
 from difflib import get_close_matches
 from math import isnan
@@ -116,11 +115,15 @@ def run_scenario(
     else:
         answer = StaticSimulation(scene, options.scenario, **known, solved=result)
         # First vibrations of the body as it is held, where a direct factor finds them
-        if scenario.with_modes and (order := quick_order(scene.mesh)) is not None:
+        if scenario.with_modes:
             first = replace(scene, modes=STANDING_MODES)
-            with suppress(ConvergenceError, InputError):  # too few unknowns for so many modes
+            try:
+                if (order := quick_order(scene.mesh)) is None:
+                    raise ConvergenceError("scenario.modes_cost")
                 modes = METHODS["modal"].solve(first, order=order, device=options.device)
                 answer = replace(answer, modes=cast("Modes", modes))
+            except (ConvergenceError, InputError) as error:  # or too few unknowns for so many modes
+                answer = replace(answer, modes_unmade=str(error))
     return replace(answer, seconds=time.perf_counter() - started)
 
 

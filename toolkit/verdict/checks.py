@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -28,7 +28,8 @@ from ...fem.solve.result import (
     too_coarse,
 )
 from ...fem.uncertainty import Interval, Likely
-from .verdict import Check, Outcome, with_doubts
+from ..meshing.messages import listed
+from .verdict import Check, Outcome
 
 # A body holds its shape if no point moves more than this fraction of its longest side.
 HOLDS = 0.05
@@ -118,8 +119,11 @@ def buckling(factor: LoadFactor | None, why: str = "") -> Check:
 
 def stays_upright(result: SagResult, scene: Scene) -> tuple[Check, ...]:
     """Whether the body would stand if its base were not held; nothing where it need not."""
-    if scene.ground is None or scene.holds or not result.trusted or result.assumed:
+    if scene.ground is None or scene.holds:
         return ()
+    if not result.trusted or result.assumed:
+        why = Note("checks.no_rest")
+        return (Check("upright", "not made", Note("checks.upright_unmade", why=why), why=why),)
     mesh, held = result.static.mesh, result.static.reaction
     force, moment = -held.sum(axis=0), -np.cross(result.static.space.nodes, held).sum(axis=0)
     if not np.any(scene.gravity_vector):
@@ -215,6 +219,22 @@ def strength(safety: Safety) -> Check:
     return Check("strength", _passed(passed), said, factor, SAFE, **where)
 
 
+def strength_unmade(
+    parts: Sequence[str], materials: Mapping[str, str], *, rests: bool = True
+) -> tuple[Check, ...]:
+    """What is said of ``parts`` that have no safety, by the rows that they are of."""
+    if not parts:
+        return ()
+    why = Note("checks.no_rest")
+    if rests:
+        rows = dict.fromkeys(filter(None, (materials.get(part) for part in parts)))
+        why = Note("checks.no_strength", materials=", ".join(rows))
+        why = why if rows else Note("checks.no_names")
+    told = {"parts": listed(parts), "give": "give" if len(parts) > 1 else "gives"}
+    said = Note("checks.strength_unmade", why=why, **told)
+    return (Check("strength", "not made", said, part=", ".join(parts), why=why),)
+
+
 def gives_way(safety: Safety) -> tuple[str, str]:
     """What a part does past its limit, and what the limit is called, by what is judged there."""
     if safety.side == "equivalent":
@@ -242,7 +262,7 @@ def span_of_answers(
 def static_checks(result: SagResult, *, size_stated: bool = False) -> tuple[Check, ...]:
     """Checks that a static result allows, and whether the user stated the size of its body."""
     mesh = result.static.mesh
-    checks = (
+    return (
         holds_shape(result),
         buckling(result.load_factor, result.load_factor_unmade),
         discretisation(result),
@@ -251,7 +271,6 @@ def static_checks(result: SagResult, *, size_stated: bool = False) -> tuple[Chec
         usual_size(mesh, stated=size_stated),
         usual_mass(mesh),
     )
-    return tuple(with_doubts(checks))
 
 
 # A motion may have this fraction more energy than it was given. Elements and reduced bodies: 1 % is

@@ -8,7 +8,8 @@ from typing import Literal, NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from ...fem.mesh import face_areas
+from ...fem.mesh import face_areas, free_motions, rigid_motions
+from ...fem.note import Note
 from ...fem.scene.loads import resultant
 from ...fem.scene.obstacles import Box, Capsule, Obstacle, Plane, Sphere
 from ...fem.scene.scene import Hold, Scene
@@ -109,6 +110,35 @@ def describe(scene: Scene) -> tuple[Acting, ...]:
             words += f", friction {scene.friction:g}"
         acting.append(Acting("obstacle", words))
     return tuple(acting)
+
+
+def free_ways(scene: Scene) -> str:
+    """The motions that nothing resists, in words; empty where there are none."""
+    held, points = scene.held, scene.mesh.points
+    motions = free_motions(scene.mesh, held.fixed | (held.springs > 0)).motions
+    if not (count := motions.shape[2]):
+        return ""
+    rigid = rigid_motions((points - points.mean(axis=0)) / scene.longest).reshape(-1, 6)
+    motions = motions.reshape(len(rigid), count)
+    rows = np.linalg.lstsq(rigid, motions, rcond=None)[0]
+    if np.abs(rigid @ rows - motions).max() > ALONG * np.abs(motions).max():
+        return Note("description.pieces_move", count=count)
+    shift, turn = rows[:3], rows[3:]
+    _, sizes, mixes = np.linalg.svd(turn)
+    turns = int((sizes > ALONG * np.abs(rows).max()).sum())
+
+    def axes(span: np.ndarray) -> str:
+        within = np.linalg.norm(np.linalg.qr(span)[0], axis=1) > 1 - ALONG
+        own = [name for name, inside in zip(AXES, within, strict=True) if inside]
+        askew = Note("description.askew", count=span.shape[1])
+        return " and ".join(own) if len(own) == span.shape[1] else askew
+
+    ways: list[str] = []
+    if turns < count:
+        ways.append(Note("description.slides", axes=axes(shift @ mixes[turns:].T)))
+    if turns:
+        ways.append(Note("description.turns", axes=axes(turn @ mixes[:turns].T)))
+    return ", ".join(ways)
 
 
 def _holds_of_scenario(scene: Scene) -> Iterator[Hold]:

@@ -14,6 +14,7 @@ from jaxtyping import Float
 
 from ...fem.laws.law import LAWS
 from ...fem.mesh import TetMesh, piece_names
+from ...fem.note import Note
 from ...fem.safety import PartStresses, Safety, part_safety, part_stresses
 from ...fem.scene.scene import Scene
 from ...fem.solve.method import SCENARIOS
@@ -21,7 +22,8 @@ from ...fem.solve.result import Modes, MotionResult, ParticleRun, SagResult
 from ...fem.uncertainty import Draws, Exact, ranged_answers
 from ..asset.document import mesh_document
 from ..driving import DriveRecord
-from .description import describe, vector_words
+from ..meshing.messages import listed
+from .description import describe, free_ways, vector_words
 from .verdict import Check, as_table, in_a_line, si, with_doubts
 
 
@@ -40,7 +42,7 @@ class Simulation(ABC):
     moved with the mesh, ``materials`` the row of the table that each part is of, ``draws`` what a
     predictor drew of parts that are of none, ``exact`` which numbers of a part were stated,
     ``differences`` what the mesh has otherwise than the file that it was made of; ``size_stated``:
-    the user gave the size or the unit of that file.
+    the user gave the size or the unit of that file; ``guesses``: parts whose material is one.
     """
 
     scene: Scene
@@ -51,6 +53,7 @@ class Simulation(ABC):
     materials: Mapping[str, str] = field(default_factory=dict)
     differences: tuple[str, ...] = ()
     size_stated: bool = False
+    guesses: tuple[str, ...] = ()
     draws: Draws = field(default_factory=dict)
     exact: Exact = field(default_factory=dict)
     files: tuple[Path, ...] = ()
@@ -128,13 +131,21 @@ class Simulation(ABC):
         return ()
 
     def verdicts(self) -> list[Check]:
-        """Whether the mesh is the file's body, then every check, those in doubt marked so."""
-        return with_doubts(self._checked, self.differences)
+        """Whether the body is known, then every check, those in doubt marked so."""
+        return [*self._judged]
 
     @cached_property
-    def _checked(self) -> Sequence[Check]:
-        """The checks: what is printed, written and reported is judged once."""
-        return self.checks()
+    def _judged(self) -> Sequence[Check]:
+        """What is printed, written and reported is judged once."""
+        found: list[Check] = []
+        if self.differences:
+            said = Note("checks.differs", how="; ".join(self.differences))
+            found.append(Check("body", "failed", said))
+        if self.guesses:
+            rows = dict.fromkeys(self.materials.get(part, "") for part in self.guesses)
+            told = {"parts": listed(self.guesses), "materials": ", ".join(rows)}
+            found.append(Check("materials", "doubtful", Note("checks.guessed", **told)))
+        return with_doubts([*found, *self.checks()])
 
     def write(self, path: Path) -> list[Path]:
         """Write the state shown as .vtu or .vtk, the motion as .pvd or .glb; return the files."""
@@ -180,6 +191,7 @@ class StaticSimulation(Simulation):
 
     solved: SagResult
     modes: Modes | None = None
+    modes_unmade: str = ""
 
     kind = "sag"
 
@@ -207,6 +219,7 @@ class StaticSimulation(Simulation):
             "intervals": self.intervals,
             "reaction": static.reaction.sum(axis=0),
             "frequencies": self.frequencies,
+            "law": static.law,
             "order": static.order,
             "gap": self.solved.discretisation_error,
             "residual": static.residual,
@@ -267,15 +280,28 @@ class StaticSimulation(Simulation):
 
     def checks(self) -> Sequence[Check]:
         """Shape, buckling, mesh, explicit step, size, standing, strength, frequency, range."""
-        from .checks import first_frequency, span_of_answers, static_checks, stays_upright, strength
+        from .checks import (
+            first_frequency,
+            span_of_answers,
+            static_checks,
+            stays_upright,
+            strength,
+            strength_unmade,
+        )
 
+        names, used = self.mesh.region_names, np.unique(self.mesh.region)
+        unknown = {names[k] for k in used} - {one.part for one in self.safety}
         checks = [
             *static_checks(self.solved, size_stated=self.size_stated),
             *stays_upright(self.solved, self.scene),
             *map(strength, self.safety),
+            *strength_unmade(sorted(unknown), self.materials, rests=self.solved.trusted),
         ]
         if self.modes is not None:
             checks.append(first_frequency(self.modes))
+        elif self.modes_unmade:
+            said = Note("checks.frequency_unmade", why=self.modes_unmade)
+            checks.append(Check("first frequency", "not made", said, why=self.modes_unmade))
         if self.intervals is not None:
             checks.append(span_of_answers(*self.intervals.values()))
         return checks
@@ -450,6 +476,10 @@ class ModalSimulation(Simulation):
         from .checks import first_frequency, span_of_answers
 
         checks = [first_frequency(self.modes)]
+        if ways := free_ways(self.scene):
+            checks.insert(
+                0, Check("free motions", "failed", Note("checks.free_motions", motions=ways))
+            )
         if (known := self.intervals) is not None:
             checks.append(
                 span_of_answers(known["mass"], None, known["frequencies"], known["likely"])
