@@ -6,7 +6,7 @@ import time
 import pytest
 from autophyx_tet.fem.errors import InputError, UsageError
 from autophyx_tet.predictors.text.clauses import bind
-from autophyx_tet.predictors.text.lexicon import load_model
+from autophyx_tet.predictors.text.english import load_model
 from autophyx_tet.predictors.text.reader import LONGEST, parse
 
 
