@@ -24,7 +24,6 @@ from ..field import DEFAULT, Normalisation
 from ..resolve.resolve import material_at
 from ..text.clauses import Clause, Sentence
 from ..text.parts import (
-    FILLERS,
     FRAME_PARTS,
     LISTS,
     OBJECTS,
@@ -47,46 +46,16 @@ IN_WATER = {"floats": "floats on water", "sinks": "sinks in water"}
 SOFT, STIFF, LIGHT, HEAVY, BEND, BRITTLE, FLOAT, SINK, STRONGER, MODERATE, SOMEWHAT = (
     frozenset(words.split()) for words in LISTS["manner"].values()
 )
-ADVERBS = frozenset(word for word in STRONGER if word.endswith("ly")) | frozenset(
-    "very super ultra so almost moderately averagely normally medium not easily quick prone".split()
-)
-ADJECTIVES = (
-    SOFT
-    | STIFF
-    | LIGHT
-    | HEAVY
-    | frozenset("brittle fragile breakable crumbly delicate crisp frail buoyant unsinkable".split())
-)
-MANNER = ADJECTIVES | ADVERBS | SOMEWHAT
 BREAKS, JOINTS = words_of("roles", "breaks"), words_of("roles", "joints")
+(
+    ADVERBS, ADJECTIVES, _COPULA, _IDLE, _ALL, _LIKE, _COMPARED, _NOT, _LITTLE, _MUCH, _OF_WEIGHT,
+    _OF_STIFFNESS, _COPULAS, _VERBS,
+) = (frozenset(words.split()) for words in LISTS["clause"].values())  # fmt: skip
+MANNER = ADJECTIVES | ADVERBS | SOMEWHAT
 LINKS, DETERMINERS = words_of("roles", "links"), words_of("roles", "determiners")
 # One clause, whose end is known: the words that remain when the material, how it is, and the small
 # words are taken away are those for the part. They bind a clause to voxels, whatever it says.
 
-# A statement begins: "legs are", "whose rim must be", "it consists of", "the seat gives way".
-_COPULA = (
-    LINKS
-    | frozenset(": must should formed consists cannot can will would might never barely".split())
-    | frozenset(
-        "does do has have keeps keep stays stay goes go resists resist weighs weigh drops drop "
-        "falls fall rises rise settles settle pops pop squeezes".split()
-    )
-    | ((BEND | BRITTLE | FLOAT | SINK) - ADJECTIVES)
-    - frozenset("press dent stretch fold bend chip broken afloat".split())
-)
-_IDLE = (
-    DETERMINERS
-    | JOINTS
-    | FILLERS
-    | LINKS
-    | BREAKS
-    | MANNER
-    | MODERATE
-    | frozenset("this these use below around on which whose must should it be where".split())
-)
-_ALL = frozenset("everything all rest other remaining remainder anything else".split())
-_LIKE = frozenset("as like than".split())
-_COMPARED = frozenset("hard soft light heavy".split())  # "steel hard": hard, and no steel
 # "rock hard" is very hard, and no rock.
 _IDIOM = re.compile(r"\b(?:rock(?= (?:hard|solid))|feather(?= light))")
 
@@ -203,13 +172,6 @@ LOUDNESS = 2.0
 REMEMBERED = 1024  # clauses that were read: more than any one object has
 # Scores of an adjective as it stands, strengthened, and in the middle of the range.
 _PLAIN, _STRONG, _MIDDLE = 0.5, 1.0, 0.1
-_NOT = frozenset(
-    "not never cannot no without impossible resist resists resistant barely hardly".split()
-)
-_LITTLE = frozenset("low little minimal less nothing hardly easy easily lower least".split())
-_MUCH = frozenset("high much lot more great ton hard large higher most tons".split())
-_OF_WEIGHT = frozenset("weight weighs weigh density lift carry".split())
-_OF_STIFFNESS = frozenset("stiffness firmness rigidity hardness softness flexibility".split())
 _NEAR = 3  # words before an adjective that may negate it
 # Scores of an adjective, and the place in a material's own range that it means.
 _SCORES, _PLACES = (-1.0, -0.5, -_MIDDLE, _MIDDLE, 0.5, 1.0), (0.04, 0.25, 0.5, 0.5, 0.75, 0.96)
@@ -355,16 +317,6 @@ _WEIGHT = (
     (0.25, "of average weight", "medium heavy"),
     (0.75, "heavy", "heavy"),
     (1.0, "very heavy", "very heavy"),
-)
-_COPULAS = frozenset("is are be was were been".split())
-# Verbs that begin a statement without a copula: "gives way", "has a low density", "cannot float".
-_VERBS = frozenset(
-    "does do cannot can will would might never barely has have keeps keep stays stay goes go gives "
-    "give resists resist weighs weigh drops drop falls fall rises rise settles settle pops pop "
-    "might cracks".split()
-) | (BEND | BRITTLE | FLOAT | SINK) - frozenset(
-    "press dent stretch fold bend chip brittle fragile broken breakable crumbly delicate crisp "
-    "frail afloat buoyant unsinkable".split()
 )
 
 

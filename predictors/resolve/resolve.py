@@ -350,13 +350,8 @@ def with_relations(
                     beside = [_Beside(row.name, row.value(), None)]
                     out[i] = _related(out[i], relation, beside, named=named[i])
                 else:
-                    notes.append(
-                        Note(
-                            "resolve.part_compared",
-                            part=out[i].part,
-                            other=" ".join(relation.other),
-                        )
-                    )
+                    other = " ".join(relation.other)
+                    notes.append(Note("resolve.part_compared", part=out[i].part, other=other))
         for i in ready:
             del waiting[i]
     return out, notes
@@ -581,15 +576,9 @@ class Decider:
         named = dict.fromkeys(clause.material for clause in statement.clauses if clause.material)
         first, *others = named or [""]
         if others:
-            notes.append(
-                Note(
-                    "resolve.part_text",
-                    name=part.name,
-                    named=" and ".join(map(repr, named)),
-                    first=first,
-                    others=", ".join(map(repr, others)),
-                )
-            )
+            both, left = " and ".join(map(repr, named)), ", ".join(map(repr, others))
+            said = {"name": part.name, "named": both, "first": first, "others": left}
+            notes.append(Note("resolve.part_text", **said))
         notes += [
             f"part {part.name!r}: {doubt}" for doubt in dict.fromkeys(statement.all("doubts"))
         ]

