@@ -240,13 +240,19 @@ def _read(
 ) -> tuple[Bound, MaterialTable]:
     """What a text says of the regions of a mesh, read here, once; and the materials it may name."""
     from ..fem.table import load_table
-    from ..predictors.text.interpreter import ChatEndpoint, read_sentence
+    from ..predictors.text.reader import read_sentence
     from .asset.own_materials import with_own_rows
 
     table = with_own_rows(options.table) if options.table else load_table()
-    interpreter = ChatEndpoint.at(options.interpreter) if options.interpreter else None
     labels = sidecar.labels_of(mesh.region_names)
-    return read_sentence(text, labels, table, interpreter=interpreter), table
+    if not options.interpreter:
+        return read_sentence(text, labels, table), table
+    from ..predictors.text.clauses import bind
+    from ..predictors.text.interpreter import ChatEndpoint, interpret
+
+    names = [own[0] for own in labels]
+    endpoint = ChatEndpoint.at(options.interpreter)
+    return bind(interpret(endpoint, text, table, names), labels), table
 
 
 def _written(result: Assignment, output: Path | None, field_output: Path | None) -> Assignment:
