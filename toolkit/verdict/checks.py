@@ -9,10 +9,10 @@ from typing import Literal
 import numpy as np
 
 from ...fem.laws.law import LAWS
-from ...fem.mesh import USUAL_SIZE, TetMesh, edge_fraction, largest_explicit_step, material_of
+from ...fem.mesh import USUAL_SIZE, TetMesh, edge_fraction, largest_explicit_step
+from ...fem.reactions import standing_pieces
 from ...fem.safety import Safety
 from ...fem.scene.scene import Scene
-from ...fem.scene.up import up_vector
 from ...fem.solve.contact import support_polygon
 from ...fem.solve.result import (
     BENDS_ALIKE,
@@ -63,6 +63,7 @@ GIVES_WAY = {
     "equivalent": ("yields", "yield strength"),
     "tension": ("cracks", "tensile strength"),
     "compression": ("is crushed", "compressive strength"),
+    "shear": ("splits along its grain", "shear strength"),
 }
 
 
@@ -167,14 +168,8 @@ def stays_upright(result: SagResult, scene: Scene) -> tuple[Check, ...]:
     """Whether the body would stand if its base were not held; nothing where it need not."""
     if scene.ground is None or scene.holds or not result.trusted or result.assumed:
         return ()
-    mesh, held = result.static.mesh, result.static.reaction
-    force, moment = -held.sum(axis=0), -np.cross(result.static.space.nodes, held).sum(axis=0)
-    if not np.any(scene.gravity_vector):
-        mass = mesh.volumes * material_of(mesh).rho
-        middle = mass @ mesh.points[mesh.tets].mean(axis=1) / mass.sum()
-        weight = -GRAVITY * mass.sum() * up_vector(scene.up)
-        force, moment = force + weight, moment + np.cross(middle, weight)
-    inside, friction = support_polygon(mesh.points[result.supported], force, moment, scene.up)
+    pieces = standing_pieces(scene, result.static, GRAVITY)
+    inside, friction = min(support_polygon(*piece, scene.up) for piece in pieces)
     passed, where = inside >= 0, f"{abs(inside):.2g} m {'within' if inside >= 0 else 'outside'}"
     does = "stays upright" if passed else "would tip over if its base were not held"
     said = f"its load meets the ground {where} its feet"
@@ -278,6 +273,7 @@ def strength(safety: Safety) -> Check:
     """Whether a part stands its stress."""
     passed = safety.factor >= SAFE
     gives_way, kind = GIVES_WAY[safety.side]
+    kind += " across the grain" if safety.direction == "across" else ""
     if passed:
         times = "more than 1000" if safety.factor > 1e3 else f"{safety.factor:.3g}"
         does = f"holds: safety factor {times} against {kind}"
