@@ -7,11 +7,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from ...fem.laws.law import LAWS
-from ...fem.mesh import USUAL_SIZE, TetMesh, edge_fraction, largest_explicit_step, material_of
+from ...fem.mesh import USUAL_SIZE, TetMesh, edge_fraction, largest_explicit_step
 from ...fem.note import Note
+from ...fem.reactions import standing_pieces
 from ...fem.safety import Safety
 from ...fem.scene.scene import Scene
-from ...fem.scene.up import up_vector
 from ...fem.solve.contact import support_polygon
 from ...fem.solve.result import (
     BENDS_ALIKE,
@@ -105,29 +105,28 @@ def discretisation(result: SagResult) -> Check:
     return Check("discretisation", _passed(passed), said, about, TRUSTED)
 
 
-def buckling(factor: LoadFactor | None, why: str = "") -> Check:
-    """Whether the body takes its load without buckling; without a factor ``why`` is told."""
+def buckling(factor: LoadFactor | None, why: str = "", *, ends: Interval | None = None) -> Check:
+    """Whether the body takes its load without buckling; without a factor ``why`` is told.
+
+    ``ends`` are the factors of its softest and its stiffest materials: the softest decides.
+    """
     if factor is None:
         said = Note("checks.buckling_unmade", why=why)
         return Check("buckling", "not made", said, np.nan, STANDS, why=why)
-    passed = factor.value >= STANDS
-    told = {"times": times(factor.value), "limit": STANDS}
+    least = factor.value if ends is None else min(ends.low, factor.value)
+    passed, told = least >= STANDS, {"times": times(least), "limit": STANDS}
     said = Note("checks.stands" if passed else "checks.buckles", **told)
-    return Check("buckling", _passed(passed), said, factor.value, STANDS)
+    if least < factor.value:
+        said += Note("checks.at_softest", middle=times(factor.value))
+    return Check("buckling", _passed(passed), said, least, STANDS)
 
 
 def stays_upright(result: SagResult, scene: Scene) -> tuple[Check, ...]:
     """Whether the body would stand if its base were not held; nothing where it need not."""
     if scene.ground is None or scene.holds or not result.trusted or result.assumed:
         return ()
-    mesh, held = result.static.mesh, result.static.reaction
-    force, moment = -held.sum(axis=0), -np.cross(result.static.space.nodes, held).sum(axis=0)
-    if not np.any(scene.gravity_vector):
-        mass = mesh.volumes * material_of(mesh).rho
-        middle = mass @ mesh.points[mesh.tets].mean(axis=1) / mass.sum()
-        weight = -GRAVITY * mass.sum() * up_vector(scene.up)
-        force, moment = force + weight, moment + np.cross(middle, weight)
-    inside, friction = support_polygon(mesh.points[result.supported], force, moment, scene.up)
+    pieces = standing_pieces(scene, result.static, GRAVITY)
+    inside, friction = min(support_polygon(*piece, scene.up) for piece in pieces)
     passed = bool(inside >= 0)
     slides = Note("checks.slides", friction=friction) if friction > SLIDES else ""
     said = Note("checks.upright" if passed else "checks.tips", away=abs(inside), slides=slides)
@@ -219,9 +218,12 @@ def gives_way(safety: Safety) -> tuple[str, str]:
     """What a part does past its limit, and what the limit is called, by what is judged there."""
     if safety.side == "equivalent":
         return Note("checks.yields"), Note("checks.yield_strength")
+    if safety.side == "shear":
+        return Note("checks.splits"), Note("checks.shear_strength")
+    across = Note("checks.across_grain") if safety.direction == "across" else ""
     if safety.side == "tension":
-        return Note("checks.cracks"), Note("checks.tensile_strength")
-    return Note("checks.is_crushed"), Note("checks.compressive_strength")
+        return Note("checks.cracks"), Note("checks.tensile_strength") + across
+    return Note("checks.is_crushed"), Note("checks.compressive_strength") + across
 
 
 def span_of_answers(
@@ -239,12 +241,17 @@ def span_of_answers(
     return Check("range", "passed", Note("checks.range", **said), answer.high / answer.low)
 
 
-def static_checks(result: SagResult, *, size_stated: bool = False) -> tuple[Check, ...]:
-    """Checks that a static result allows, and whether the user stated the size of its body."""
+def static_checks(
+    result: SagResult, *, size_stated: bool = False, load_factors: Interval | None = None
+) -> tuple[Check, ...]:
+    """Checks that a static result allows, and whether the user stated the size of its body.
+
+    ``load_factors`` of buckling are those of its softest and its stiffest materials.
+    """
     mesh = result.static.mesh
     checks = (
         holds_shape(result),
-        buckling(result.load_factor, result.load_factor_unmade),
+        buckling(result.load_factor, result.load_factor_unmade, ends=load_factors),
         discretisation(result),
         locking(result.static),
         explicit_step(mesh),
