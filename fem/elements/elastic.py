@@ -147,10 +147,10 @@ def von_mises(stress: Float[np.ndarray, "*n 3 3"]) -> Float[np.ndarray, "*n"]:
     return np.sqrt(1.5 * np.einsum("...ij,...ij->...", s, s))
 
 
-def first_piola(
+def energy_and_piola(
     law: str, H: Float[np.ndarray, "*n 3 3"], lame: LameParameters
-) -> Float[np.ndarray, "*n 3 3"]:
-    """First Piola stress [Pa] of the displacement gradient ``H``; it is linear in ``lame`` [Pa].
+) -> tuple[Float[np.ndarray, "*n"], Float[np.ndarray, "*n 3 3"]]:
+    """Energy [J/m^3] and first Piola stress [Pa] of ``H``; both are linear in ``lame`` [Pa].
 
     The Lame parameters broadcast against the leading axes of ``H``. Evaluated on the CPU by the
     functions that the kernels of elements are made of.
@@ -164,7 +164,14 @@ def first_piola(
     W, P = wp.empty(len(gradients), dtype=wp.float64, device="cpu"), wp.empty_like(gradients)
     inputs = [gradients, *(wp.array(m, dtype=wp.float64, device="cpu") for m in moduli), W, P]
     wp.launch(elastic_kernels(LAWS[law]).stress, len(gradients), inputs=inputs, device="cpu")
-    return P.numpy().reshape(H.shape)
+    return W.numpy().reshape(leading), P.numpy().reshape(H.shape)
+
+
+def first_piola(
+    law: str, H: Float[np.ndarray, "*n 3 3"], lame: LameParameters
+) -> Float[np.ndarray, "*n 3 3"]:
+    """First Piola stress [Pa] of the displacement gradient ``H``."""
+    return energy_and_piola(law, H, lame)[1]
 
 
 def linear_stress(
@@ -213,3 +220,21 @@ def displacement_gradients(
     inputs = [grid.tets, where, field, out]
     wp.launch(k.displacement_gradient, tets, inputs=inputs, device=device)
     return out.numpy()
+
+
+def geometric_stiffness(grid: Discretisation, stress: Float[np.ndarray, "tets points 3 3"]) -> Any:
+    """K_sigma [N/m] of ``stress`` [Pa] at the points of quadrature, of one direction: a csr_array.
+
+    It is the same for every direction, shape (nodes, nodes).
+    """
+    from scipy.sparse import csr_array
+
+    from . import kernels_field as k
+
+    wp, pattern, count = start_warp(), grid.pattern, len(grid.space.nodes)
+    stresses = wp.array(stress, dtype=wp.mat33d, device=grid.device)
+    values = wp.zeros(pattern.columns.shape[0], dtype=wp.float64, device=grid.device)
+    inputs = [grid.tets, stresses, pattern.slots, values]
+    wp.launch(k.geometric_stiffness, len(stress), inputs=inputs, device=grid.device)
+    arrays = (values.numpy(), pattern.columns.numpy(), pattern.rows.numpy())
+    return csr_array(arrays, shape=(count, count))
