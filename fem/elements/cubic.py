@@ -187,7 +187,7 @@ class CubicElements:
     def weigh(
         self, u: Float[np.ndarray, "nodes 3"], x: Float[np.ndarray, "surplus 3"]
     ) -> tuple[np.ndarray, float]:
-        """Mass of cubic elements times both parts on the surplus [kg m], and times both [kg m^2]."""
+        """Mass of cubic elements times both parts: on the surplus [kg m]; times both [kg m^2]."""
         local = self._local(u, x)
         mass = self.material.rho * self.mesh.volumes
         pushed = mass[:, None, None] * (_mass() @ local)

@@ -6,7 +6,8 @@ is multiplied by what the theory of corners says is still to come at the edges t
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import warnings
+from collections.abc import Sequence
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -16,14 +17,16 @@ from jaxtyping import Bool, Float, Int
 from ..device import single_threaded
 from ..elements.assembly import discretise, node_supports
 from ..elements.cubic import CubicElements
-from ..elements.elastic import ElasticBody
+from ..elements.elastic import ElasticBody, linear_stress, von_mises
 from ..elements.forces import edge_nodes
 from ..elements.space import EDGES, Space
 from ..laws.law import Law
+from ..linalg.solver import Inverse
+from ..material import ElementMaterial
 from ..mesh import TetMesh, material_of, tet_area_vectors
 from ..scene.loads import Traction
 from ..scene.supports import Supports
-from .result import CUBIC, PLACES, DiscretisationError, SingularPlace, StaticResult
+from .result import CUBIC, PLACES, DiscretisationError, Modes, SingularPlace, StaticResult
 
 # The steps end where one wins less than this fraction of all energy that was won; flat cells and nu
 # near .5 would creep on for long.
@@ -33,6 +36,8 @@ POINT = 0.3
 # An edge or vertex of a larger exponent is smooth; one of a smaller is a place to be named, and not
 # a crease such as a facet's of a round face.
 SMOOTH, NAMED = 0.97, 0.8
+# Share of the largest force of a support below which that of another is not judged.
+LEAST = 0.01
 # Ratio of moduli from which on the end of an interface counts.
 CONTRAST = 3.0
 
@@ -46,13 +51,6 @@ class Surplus(NamedTuple):
     moved: np.ndarray
     own: np.ndarray
     energies: np.ndarray
-
-
-class Inverse(NamedTuple):
-    """``times`` a stiffness [N/m], and ``near`` its inverse; of forces (nodes, 3) [N]."""
-
-    times: Callable[[np.ndarray], np.ndarray]
-    near: Callable[[np.ndarray], np.ndarray]
 
 
 @single_threaded
@@ -119,7 +117,8 @@ def wedge_exponent(angle: float, nu: float, *, held: bool) -> float:
     else:
         f = lambda a: np.sin(a * w) + a * np.sin(w)  # noqa: E731
         slope = lambda a: w * np.cos(a * w) + np.sin(w)  # noqa: E731
-    with np.errstate(all="ignore"):
+    with np.errstate(all="ignore"), warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # of starts that lead nowhere
         a = newton(f, a, slope, maxiter=60, full_output=True, disp=False)[0]
         good = (np.abs(f(a)) < 1e-8) & (a.real > 0.2) & (a.real < 1)
     return float(a.real[good].min()) if good.any() else 1.0
@@ -235,11 +234,45 @@ def _named_places(
     return sorted(found, key=lambda pair: -pair[0].share)
 
 
-# Barycentric centres of the eight children of a tet.
-CHILDREN = np.vstack(
-    [0.125 + 0.5 * np.eye(4)]
-    + [[np.array(row) / 16] for row in ([6, 4, 4, 2], [4, 2, 6, 4], [2, 4, 4, 6], [4, 6, 2, 4])]
-)  # fmt: skip
+# Barycentric centres of the eight children of a tet, where stresses are compared.
+INNER = np.array([[6, 4, 2, 4], [4, 6, 4, 2], [4, 2, 4, 6], [2, 4, 6, 4]]) / 16
+CHILDREN = np.vstack([0.125 + 0.5 * np.eye(4), INNER])
+# The smooth part of a body is a tenth of its tets at least, if it is to lie a ring of tets away.
+SMOOTH_PART = 0.1
+
+
+def smooth_patch(result: StaticResult, exponents: Exponents) -> tuple[np.ndarray, int] | None:
+    """Tets around the one that has the largest stress off the singular places, and that one.
+
+    A ring of tets away from them where much of the body is; None where nothing is.
+    """
+    tets, size = result.mesh.tets, result.von_mises
+    near = (exponents.value < 1)[tets].any(axis=1)
+    ring = np.isin(tets, tets[near]).any(axis=1) if near.any() else near
+    away = ~ring if (~ring).mean() > SMOOTH_PART else ~near
+    if not (away.any() and size.max() > 0):
+        return None
+    top = int(np.where(away, size, -1.0).argmax())
+    return np.flatnonzero(np.isin(tets, tets[top]).any(axis=1) & away), top
+
+
+def _stress_error(
+    result: StaticResult, cubic: CubicElements, exponents: Exponents, surplus: Surplus
+) -> float:
+    """Rms error of the equivalent stress around its largest, over that [1]."""
+    if (patch := smooth_patch(result, exponents)) is None:
+        return np.nan
+    around, top = patch
+    material, none = material_of(result.mesh), np.zeros_like(surplus.own)
+    own = ElementMaterial(
+        *(getattr(material, name)[around] for name in ("E", "nu", "rho")),
+        None if material.tensor is None else material.tensor[around],
+    )
+    fields = (result.node_displacement, none), (surplus.moved, surplus.own)
+    told, off = (
+        von_mises(linear_stress(cubic.gradients(*field, around, CHILDREN), own)) for field in fields
+    )
+    return float(np.sqrt((off**2).mean()) / told[around == top].max())
 
 
 class MeshError(NamedTuple):
@@ -249,8 +282,8 @@ class MeshError(NamedTuple):
     """
 
     relative: DiscretisationError
-    shares: Float[np.ndarray, "tets"]
-    reaction: Float[np.ndarray, "nodes 3"]
+    shares: Float[np.ndarray, "tets"] | None = None
+    reaction: Float[np.ndarray, "nodes 3"] | None = None
 
 
 def estimate_error(
@@ -258,19 +291,22 @@ def estimate_error(
     supports: Supports,
     stiffness: Inverse,
     *,
-    gravity_vector: Sequence[float] | np.ndarray = (0.0, 0.0, 0.0),
-    traction: Sequence[Traction] = (),
+    gravity_vector: Sequence[float] | np.ndarray | None,
+    traction: Traction | Sequence[Traction] | None,
     forces: np.ndarray | None = None,
 ) -> MeshError:
-    """Errors of the quadratic linear ``result`` under ``supports`` and loads as in ``solve_static``.
+    """Errors of a quadratic linear ``result`` under ``supports`` and loads as in ``solve_static``.
 
     ``stiffness`` is that of its elements, as they are held.
     """
     mesh, space, u = result.mesh, result.space, result.node_displacement
     held = node_supports(supports, space)
     cubic = CubicElements(mesh, space, held.fixed)
-    rest = cubic.load(gravity_vector, traction) - cubic.nodal_forces(u)
-    moved, own, energies = find_surplus(cubic, stiffness, held.fixed, rest)
+    gravity = np.zeros(3) if gravity_vector is None else gravity_vector
+    tractions = [traction] if isinstance(traction, Traction) else traction or ()
+    rest = cubic.load(gravity, tractions) - cubic.nodal_forces(u)
+    surplus = find_surplus(cubic, stiffness, held.fixed, rest)
+    moved, own, energies = surplus
     exponents = find_exponents(mesh, space, held.fixed, forces)
     least = exponents.value[mesh.tets].min(axis=1)
     squares, won = still_to_come(least) * energies, float(energies.sum())
@@ -285,19 +321,45 @@ def estimate_error(
     # Reactions, place by place
     body = ElasticBody(discretise(mesh, 2), material_of(mesh), Law.LINEAR)
     pull = np.where(held.fixed, body.response(moved).force + cubic.forces(own)[0], 0.0)
-    places = [np.where(np.vstack([p, np.zeros((len(u) - len(p), 3))]) > 0, 1.0, 0.0)
-              for p in ()] or [held.fixed]  # fmt: skip
+    each = [(np.where(place, f, 0.0).sum(axis=0) for f in (result.reaction, factor * pull))
+            for place in held.places]  # fmt: skip
+    carried, off = np.linalg.norm([[*pair] for pair in each], axis=2).T if each else ([], [])
     named = _named_places(mesh, space, exponents, shares)
-    stress, peak = _stress_error(result, cubic, exponents, named, moved, own)
+    here = mesh.tets[result.von_mises.argmax()]
+    peak = next((place for place, points in named if np.isin(here, points).any()), None)
     doubled = 2 * result.energy
     relative = DiscretisationError(
         factor * change / largest if largest else 0.0,
         CUBIC,
         energy=float(np.sqrt(total / doubled)) if doubled > 0 else 0.0,
         work=total / doubled if doubled > 0 and not supports.values.any() else np.nan,
-        reaction=np.nan,
-        stress=stress,
+        reaction=max(
+            (d / f for f, d in zip(carried, off, strict=True) if f > LEAST * max(carried)),
+            default=np.nan,
+        ),
+        stress=_stress_error(result, cubic, exponents, surplus),
         places=tuple(place for place, _ in named),
         peak=peak,
     )
     return MeshError(relative, shares, factor * pull)
+
+
+def estimate_frequency_error(
+    mesh: TetMesh, space: Space, held: Supports, stiffness: Inverse, modes: Modes
+) -> float:
+    """Relative error [1] of the first of quadratic ``modes``, which the mesh makes too high.
+
+    ``stiffness`` is that of its elements under the supports ``held`` of the nodes.
+    """
+    phi, square = modes.shapes[0], (2 * np.pi * float(modes.frequencies[0])) ** 2
+    cubic = CubicElements(mesh, space, held.fixed)
+    weighed = cubic.weigh(phi, np.zeros((cubic.count, 3)))[0]
+    rest = square * weighed - cubic.nodal_forces(phi)
+    moved, own, energies = find_surplus(cubic, stiffness, held.fixed, rest)
+    if not (square > 0 and energies.sum() > 0):
+        return 0.0
+    phi = phi + moved  # Rayleigh's quotient of what cubic elements make of it
+    energy = cubic.energies(phi, own).sum() + float((held.springs * phi**2).sum())
+    least = find_exponents(mesh, space, held.fixed).value[mesh.tets].min(axis=1)
+    factor = float(still_to_come(least) @ energies / energies.sum())
+    return factor * (1 - float(np.sqrt(energy / cubic.weigh(phi, own)[1] / square)))
