@@ -51,7 +51,7 @@ CUT = [
     [4, 6, 7, 8], [4, 5, 6, 8], [6, 7, 8, 9], [5, 6, 9, 8],
 ]  # fmt: skip
 JUDGED, DOUBT = 1e-4, 0.1
-MOST_RINGING = 260  # tets of a body whose frequency has a reference: its factor takes seconds
+MOST_RINGING = 110  # tets of a body whose frequency has a reference: its factor takes seconds
 
 
 @dataclass(frozen=True)
@@ -213,7 +213,7 @@ def built_cases() -> Iterator[Case]:
     # Things: of boxes, and bent
     chair = lambda x, y, z: ((z > 0.4) & (z < 0.5)) | ((z > 0.5) & (y > 0.4)) | (
         (z < 0.4) & (abs(x - 0.25) > 0.15) & (abs(y - 0.25) > 0.15))
-    table = lambda x, y, z: (z > 0.6) | ((abs(x - 0.5) < 0.125) & (abs(y - 0.5) < 0.125)) | (z < 0.1)
+    table = lambda x, y, z: (z > 0.6) | ((abs(x - 0.5) < 0.13) & (abs(y - 0.5) < 0.13)) | (z < 0.1)
     frame = lambda x, y, z: (x < 0.2) | (x > 0.8) | (z > 0.8)
     channel = lambda x, y, z: (z < 0.25) | (y < 0.25) | (y > 0.75)
     tee = lambda x, y, z: (z > 0.75) | (abs(y - 0.5) < 0.17)
@@ -244,12 +244,13 @@ def built_cases() -> Iterator[Case]:
     yield Case("a force at a point", "point load", Scene(mesh=mesh, supports=held, forces=forces))
 
 
-SEED = 20261128  # drawn once, after the estimate was fixed
+# By kind: the first were seen while the estimate was made, the others drawn when it was done.
+SEEDS = {"random": 20261128, "drawn": 20261129}
 
 
-def random_cases(count: int = 24) -> Iterator[Case]:
+def random_cases(kind: str, count: int = 24) -> Iterator[Case]:
     """Boxes with a part cut away, of one or two materials, held on parts of faces, loaded at will."""
-    rng = np.random.default_rng(SEED)
+    rng = np.random.default_rng(SEEDS[kind])
     for number in range(count):
         cells = rng.integers(1, 7, 3)
         while not 8 <= np.prod(cells) <= 45:
@@ -280,7 +281,7 @@ def random_cases(count: int = 24) -> Iterator[Case]:
             known["tractions"] = (Traction(end, rng.normal(size=3) * 1e3),)
         else:
             held = held.with_fixed(np.unique(end), (0, 1, 2), rng.normal(size=3) * 1e-2 * size.min())
-        yield Case(f"random {number}", "random", Scene(mesh=mesh, supports=held, **known))
+        yield Case(f"{kind} {number}", kind, Scene(mesh=mesh, supports=held, **known))
 
 
 def refined(scene: Scene) -> Scene:
@@ -376,7 +377,7 @@ def told(case: Case, *, ringing: bool) -> tuple[dict, tuple]:
         name: getattr(error, name) for name in ("energy", "reaction", "stress")}
     if ringing:
         still = replace(case.scene.held, values=0 * case.scene.held.values)
-        found["frequency"] = METHODS["modal"].solve(replace(case.scene, supports=still, modes=1), order=2).error
+        found["frequency"] = METHODS["modal"].solve(replace(case.scene, supports=still, modes=4), order=2).error
     return found, error.places
 
 
@@ -403,14 +404,13 @@ def main() -> None:
     parser.add_argument("--references", type=Path, help="make them, into a file")
     parser.add_argument("--part", default="0/1", help="K/N: every N-th case from the K-th")
     parser.add_argument("--kind", default="")
-    parser.add_argument("--random", action="store_true", help="the random cases alone")
     parser.add_argument("--cost", action="store_true", help="CPU seconds alone")
     parser.add_argument("--json", action="store_true")
     options = parser.parse_args()
     if options.cost:
         return print(json.dumps(cost(), indent=1))
     first, every = map(int, options.part.split("/"))
-    cases = [*(() if options.random else built_cases()), *random_cases()]
+    cases = [*built_cases(), *random_cases("random"), *random_cases("drawn")]
     cases = [c for c in cases if options.kind in c.kind][first::every]
     if options.references:
         known = json.loads(options.references.read_text()) if options.references.exists() else {}
@@ -422,7 +422,7 @@ def main() -> None:
                 options.references.write_text(json.dumps(known, indent=0))
         return None
     known, rows = json.loads(DATA.read_text())["cases"], []
-    for case in cases:
+    for case in (c for c in cases if c.name in known):
         true, doubt = known[case.name]["true"], known[case.name]["doubt"]
         found, places = told(case, ringing="frequency" in true)
         row = {"case": case.name, "kind": case.kind, "singular": bool(places)}

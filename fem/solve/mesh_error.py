@@ -22,7 +22,6 @@ from ..elements.forces import edge_nodes
 from ..elements.space import EDGES, Space
 from ..laws.law import Law
 from ..linalg.solver import Inverse
-from ..material import ElementMaterial
 from ..mesh import TetMesh, material_of, tet_area_vectors
 from ..scene.loads import Traction
 from ..scene.supports import Supports
@@ -36,6 +35,10 @@ POINT = 0.3
 # An edge or vertex of a larger exponent is smooth; one of a smaller is a place to be named, and not
 # a crease such as a facet's of a round face.
 SMOOTH, NAMED = 0.97, 0.8
+# At one point the change may cancel: it is told to be no less than this of that of the work.
+OF_WORK = 0.25
+# A mode whose frequency is no more than this above the first may be the first on a finer mesh.
+CLOSE = 0.1
 # Share of the largest force of a support below which that of another is not judged.
 LEAST = 0.01
 # Ratio of moduli from which on the end of an interface counts.
@@ -162,9 +165,10 @@ def find_exponents(
         np.maximum.at(nu, edges[:, k], poisson)
     # Faces that are held in every direction, or in some
     around = edge_nodes(space, faces[:, [[0, 1], [1, 2], [2, 0]]])
-    by_axis = held[faces].all(axis=1) & held[around].all(axis=1)
+    by_axis = np.all(held[faces], axis=1) & np.all(held[around], axis=1)
     count = np.zeros((3, len(space.edges)), dtype=np.int64)  # faces, held ones, wholly held ones
-    for row, which in enumerate((slice(None), by_axis.any(axis=1), by_axis.all(axis=1))):
+    any_axis, every_axis = np.any(by_axis, axis=1), np.all(by_axis, axis=1)
+    for row, which in enumerate((slice(None), any_axis, every_axis)):
         count[row] = np.bincount(around[which].ravel() - space.points, minlength=len(angle))
     every, some, whole = count
     for of, which in (
@@ -195,8 +199,8 @@ def find_exponents(
     if forces is not None:
         loaded = np.flatnonzero(np.any(forces[:points], axis=1))
         lower(loaded, np.full(len(loaded), POINT), "point load")
-    alone = held[:points].any(axis=1)
-    alone[faces[by_axis.any(axis=1)]] = False
+    alone = np.array(np.any(held[:points], axis=1))
+    alone[faces[any_axis]] = False
     alone = np.flatnonzero(alone)
     lower(alone, np.full(len(alone), POINT), "point support")
     return Exponents(value, kind)
@@ -263,11 +267,7 @@ def _stress_error(
     if (patch := smooth_patch(result, exponents)) is None:
         return np.nan
     around, top = patch
-    material, none = material_of(result.mesh), np.zeros_like(surplus.own)
-    own = ElementMaterial(
-        *(getattr(material, name)[around] for name in ("E", "nu", "rho")),
-        None if material.tensor is None else material.tensor[around],
-    )
+    own, none = material_of(result.mesh).of_tets(around), np.zeros_like(surplus.own)
     fields = (result.node_displacement, none), (surplus.moved, surplus.own)
     told, off = (
         von_mises(linear_stress(cubic.gradients(*field, around, CHILDREN), own)) for field in fields
@@ -313,11 +313,16 @@ def estimate_error(
     total = float(squares.sum())
     factor, shares = (total / won, squares / total) if won > 0 else (1.0, squares)
     # Largest displacement, of what is not prescribed
-    size = np.linalg.norm(u, axis=1)
+    size, doubled = np.linalg.norm(u, axis=1), 2 * result.energy
     largest, node = float(size.max()), int(size.argmax())
     change = abs(float(np.linalg.norm(u[node] + moved[node])) - largest)
     if held.fixed[node].any() and held.values[node].any():
         change = float(np.linalg.norm(moved, axis=1).max())
+    displaced = factor * change / largest if largest else 0.0
+    work = np.nan
+    if doubled > 0 and not supports.values.any():
+        work = total / doubled
+        displaced = max(displaced, OF_WORK * work)
     # Reactions, place by place
     body = ElasticBody(discretise(mesh, 2), material_of(mesh), Law.LINEAR)
     pull = np.where(held.fixed, body.response(moved).force + cubic.forces(own)[0], 0.0)
@@ -327,12 +332,11 @@ def estimate_error(
     named = _named_places(mesh, space, exponents, shares)
     here = mesh.tets[result.von_mises.argmax()]
     peak = next((place for place, points in named if np.isin(here, points).any()), None)
-    doubled = 2 * result.energy
     relative = DiscretisationError(
-        factor * change / largest if largest else 0.0,
+        displaced,
         CUBIC,
         energy=float(np.sqrt(total / doubled)) if doubled > 0 else 0.0,
-        work=total / doubled if doubled > 0 and not supports.values.any() else np.nan,
+        work=work,
         reaction=max(
             (d / f for f, d in zip(carried, off, strict=True) if f > LEAST * max(carried)),
             default=np.nan,
@@ -347,19 +351,24 @@ def estimate_error(
 def estimate_frequency_error(
     mesh: TetMesh, space: Space, held: Supports, stiffness: Inverse, modes: Modes
 ) -> float:
-    """Relative error [1] of the first of quadratic ``modes``, which the mesh makes too high.
+    """Relative error [1] of the first frequency of quadratic ``modes``, which the mesh raises.
 
-    ``stiffness`` is that of its elements under the supports ``held`` of the nodes.
+    ``stiffness`` is that of its elements under the supports ``held`` of the nodes. A mode that is
+    close above the first may come before it.
     """
-    phi, square = modes.shapes[0], (2 * np.pi * float(modes.frequencies[0])) ** 2
     cubic = CubicElements(mesh, space, held.fixed)
-    weighed = cubic.weigh(phi, np.zeros((cubic.count, 3)))[0]
-    rest = square * weighed - cubic.nodal_forces(phi)
-    moved, own, energies = find_surplus(cubic, stiffness, held.fixed, rest)
-    if not (square > 0 and energies.sum() > 0):
-        return 0.0
-    phi = phi + moved  # Rayleigh's quotient of what cubic elements make of it
-    energy = cubic.energies(phi, own).sum() + float((held.springs * phi**2).sum())
     least = find_exponents(mesh, space, held.fixed).value[mesh.tets].min(axis=1)
-    factor = float(still_to_come(least) @ energies / energies.sum())
-    return factor * (1 - float(np.sqrt(energy / cubic.weigh(phi, own)[1] / square)))
+    factors, first, found = still_to_come(least), float(modes.frequencies[0]), []
+    for frequency, phi in zip(modes.frequencies, modes.shapes, strict=True):
+        if not 0 < frequency <= (1 + CLOSE) * first:
+            break
+        square = (2 * np.pi * float(frequency)) ** 2
+        weighed = cubic.weigh(phi, np.zeros((cubic.count, 3)))[0]
+        rest = square * weighed - cubic.nodal_forces(phi)
+        moved, own, energies = find_surplus(cubic, stiffness, held.fixed, rest)
+        phi = phi + moved  # Rayleigh's quotient of what cubic elements make of it
+        energy = cubic.energies(phi, own).sum() + float((held.springs * phi**2).sum())
+        lower = 1 - float(np.sqrt(energy / cubic.weigh(phi, own)[1] / square))
+        factor = float(factors @ energies / energies.sum()) if energies.any() else 1.0
+        found.append(frequency * (1 - factor * lower))
+    return 1 - min(found) / first if found else np.nan

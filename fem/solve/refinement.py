@@ -10,7 +10,6 @@ from jaxtyping import Bool, Int
 
 from ..elements.assembly import discretise, node_supports
 from ..elements.space import EDGES, LARGEST_P2, Space, p2_unknowns
-from ..material import ElementMaterial
 from ..mesh import TetMesh, material_of
 from ..note import Note
 from ..scene.scene import Scene
@@ -86,14 +85,12 @@ def bisected(scene: Scene, marked: Int[np.ndarray, "some"]) -> Scene:
     while not cut[more := longest[cut[edges].any(axis=1)]].all():
         cut[more] = True
     tets, parent = _divided(mesh.tets, EDGES, space, cut, rank)
-    old = material_of(mesh)
-    arrays = (old.E, old.nu, old.rho, old.tensor, old.axes)
     finer = TetMesh(
         np.concatenate([mesh.points, ends[cut].mean(axis=1)]),
         tets.astype(mesh.tets.dtype),
         mesh.region[parent],
         region_names=mesh.region_names,
-        material=ElementMaterial(*(a if a is None else a[parent] for a in arrays)),
+        material=material_of(mesh).of_tets(parent),
     )
     kept = np.concatenate([np.arange(count), count + np.flatnonzero(cut)])  # of the nodes
     held = node_supports(scene.held, space)
