@@ -13,6 +13,7 @@ from jaxtyping import Bool, Float, Int
 
 from ..elements.elastic import von_mises
 from ..elements.space import Space
+from ..linalg.solver import Inverse
 from ..mesh import TetMesh, material_of
 from ..note import Note
 from ..scene.scene import Scene
@@ -32,16 +33,44 @@ def locking_fraction(mesh: TetMesh) -> float:
     return float(volumes[material_of(mesh).nu > LOCKING].sum() / volumes.sum())
 
 
+PLACES = ("support edge", "inner corner", "interface end", "point load", "point support")
+
+
+class SingularPlace(NamedTuple):
+    """Connected points of a mesh where stress has no bound: it grows as the mesh is refined.
+
+    ``kind`` is one of ``PLACES``, ``centre`` (3,) [m] the mean of its points, ``exponent`` that of
+    the displacement by the distance [1], ``share`` what it has of the squared error in energy [1].
+    """
+
+    kind: str
+    centre: tuple[float, ...]
+    exponent: float
+    share: float
+
+
 class DiscretisationError(NamedTuple):
-    """Relative error of the largest displacement [1], of the elements that were taken.
+    """Relative errors [1] that the mesh leaves, of the elements that were taken; NaN: not known.
+
+    ``value`` is that of the largest displacement, ``energy`` in the norm of energy, ``work`` of the
+    work of the loads, ``reaction`` of the forces of the supports, ``stress`` the rms of the
+    equivalent stress around its largest, away from the singular ``places``, over that; where these
+    take all of the body it is NaN. ``peak`` is the place at which the very largest stress stands,
+    which is then no property of the body.
 
     ``kind`` is 'cubic surplus' (what cubic elements would add to quadratic ones), 'P1/P2' (what
-    quadratic elements add to linear ones) or '' (``value`` is NaN, and ``why`` says why).
+    quadratic elements add to linear ones) or '' (nothing is known, and ``why`` says why).
     """
 
     value: float
     kind: str
     why: str = ""
+    energy: float = np.nan
+    work: float = np.nan
+    reaction: float = np.nan
+    stress: float = np.nan
+    places: tuple[SingularPlace, ...] = ()
+    peak: SingularPlace | None = None
 
     @property
     def bound(self) -> float:
@@ -82,6 +111,8 @@ class StaticResult:
         Relative residual of the linear system, and iterations (0: direct).
     solver
         What solved the linear system, and what was tried before in vain.
+    cycle
+        The V-cycle of the iterations that did, for whoever asks on; None: there were none.
 
     Examples
     --------
@@ -106,6 +137,7 @@ class StaticResult:
     residual: float
     iterations: int
     solver: str = ""
+    cycle: Inverse | None = None
 
     @property
     def order(self) -> int:
@@ -151,6 +183,9 @@ class SagResult:
     trusted, assumed
         Whether this is how it rests, else a linear answer to a load that is too large for one;
         share of the volume in pieces that touch nothing held, and are held where they are.
+    error_shares, reaction_error
+        What every tet has of the squared error in energy [1], shape (tets,), and the error of the
+        supports' force on every node [N], shape (nodes, 3), where the elements are quadratic.
 
     Examples
     --------
@@ -173,6 +208,8 @@ class SagResult:
     load_factor_unmade: str = ""
     trusted: bool = True
     assumed: float = 0.0
+    error_shares: Float[np.ndarray, "tets"] | None = None
+    reaction_error: Float[np.ndarray, "nodes 3"] | None = None
 
     @property
     def displacement(self) -> Float[np.ndarray, "points 3"]:
@@ -329,6 +366,8 @@ class Modes:
         Nodes' displacement of unit modal mass, shape (modes, nodes, 3); the mesh points come first.
     residual
         Largest |K x - w^2 M x| / |w^2 M x| of the modes, with w at least a wave's across the body.
+    error
+        Relative error [1] of the first frequency by the mesh, of quadratic elements; NaN: not made.
 
     Examples
     --------
@@ -344,6 +383,7 @@ class Modes:
     frequencies: Float[np.ndarray, "modes"]
     shapes: Float[np.ndarray, "modes nodes 3"]
     residual: float
+    error: float = np.nan
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
