@@ -42,7 +42,7 @@ def test_binary_ply_triangle_strips(tmp_path):
                 assert mesh.area == pytest.approx(2.0), (rows, count, order)
                 assert mesh.face_normals[:, 2] == pytest.approx(1)
                 path.write_bytes(data[:-3])
-                with pytest.raises(InputError, match="ends before its triangle strips do"):
+                with pytest.raises(InputError, match="ends before its tristrips do"):
                     load_asset(path)
 
 

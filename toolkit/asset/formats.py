@@ -141,8 +141,10 @@ def read_content(path: Path, data: bytes, references: References) -> AssetConten
         raise InputError(f"{path}: {suffix} files are not read")
     try:
         return reader(path, data, references)
-    except AutophyxError:
-        raise
+    except AutophyxError as error:
+        if str(path) in str(error):
+            raise
+        raise type(error)(f"{path}: {error}") from error
     except Exception as error:  # a parser of untrusted bytes may raise anything
         reason = " ".join(f"{type(error).__name__}: {error}".split())[:300]
         raise InputError(

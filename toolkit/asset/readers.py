@@ -7,15 +7,15 @@ import json
 import re
 import struct
 import zipfile
-from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ...converters.carriers import is_density
 from ...converters.grids import density_surface, read_density
-from ...converters.points.table import read_points
+from ...converters.points.ply import listed, parse_ply, ply_points
+from ...converters.points.table import PointTable, read_points
 from ...converters.points.views import splat_surface
 from ...converters.registry import Format, Keeps
 from ...fem.errors import InputError
@@ -343,16 +343,20 @@ def read_carrier(path: Path, data: bytes, references: References) -> AssetConten
 
     Our own archive of a density grid is metres by contract; nothing else names its unit.
     """
-    if is_density(path):
-        grid = read_density(path)
-        surface = NamedSurface(density_surface(grid))
-        cells = " × ".join(map(str, grid.density.shape))
-        metres = 1.0 if path.suffix.lower() == ".npz" else None
-        return AssetContent([surface], metres=metres, samples=f"a grid of {cells} cells")
-    table = read_points(path)
+    if not is_density(path):
+        return points_content(read_points(path))
+    grid = read_density(path)
+    surface = NamedSurface(density_surface(grid))
+    cells = " × ".join(map(str, grid.density.shape))
+    metres = 1.0 if path.suffix.lower() == ".npz" else None
+    return AssetContent([surface], metres=metres, samples=f"a grid of {cells} cells")
+
+
+def points_content(table: PointTable) -> AssetContent:
+    """Surface through splats, or the finite points of a cloud."""
     if table.is_splat:
-        surface, samples = NamedSurface(splat_surface(table)), f"{len(table):,} Gaussians"
-        return AssetContent([surface], samples=samples)
+        surface = NamedSurface(splat_surface(table))
+        return AssetContent([surface], samples=f"{len(table):,} Gaussians")
     positions = table.positions
     return AssetContent([], cloud=positions[np.isfinite(positions).all(axis=1)])
 
@@ -362,121 +366,49 @@ _GRIDS = (".npz", ".nvdb", ".ingp", ".msgpack", ".pt", ".pth", ".ckpt", ".safete
 CARRIER = Format("splats, cloud or density grid", (*_SPLATS, *_GRIDS, *_CLOUDS), read=read_carrier)
 
 
-# PLY as an asset: faces, triangle strips, Gaussian splats, or points alone.
+# PLY as an asset: polygons, triangle strips, Gaussian splats, or points alone.
 
 
 def read_ply_surface(path: Path, data: bytes, references: References) -> AssetContent:
-    """PLY: faces, triangle strips, Gaussian splats, or points alone."""
-    header = data[: data.find(b"end_header")]
-    if b" packed_position" in header or (b" opacity" in header and b" scale_0" in header):
-        return read_carrier(path, data, references)
-    if (found := binary_strips(path, data)) is not None:
-        return AssetContent([NamedSurface(mesh) for mesh in _triangles(path, *found)])
-    scene = parse_scene(path, data, references)
-    surfaces = [NamedSurface(mesh) for _, mesh in surface_meshes(scene)]
-    if not surfaces:
-        # A text PLY's element ``tristrips``, which trimesh reads and leaves aside
-        for geometry in scene.geometry.values():
-            raw = geometry.metadata.get("_ply_raw", {}).get("tristrips", {}).get("data")
-            if raw is not None:
-                (columns,) = raw.values() if isinstance(raw, dict) else [raw[raw.dtype.names[0]]]
-                rows = [np.ravel(row).astype(np.int64) for row in columns]
-                meshes = _triangles(path, geometry.vertices, rows)
-                surfaces += [NamedSurface(mesh) for mesh in meshes]
-    return AssetContent(surfaces, cloud=None if surfaces else cloud_of(scene))
+    """Read polygons as fans, strips as triangles; of a file without both its points."""
+    import trimesh
+
+    ply = parse_ply(data)
+    table = ply_points(ply)
+    if table.is_splat:
+        return points_content(table)
+    faces, skin, colours = [np.zeros((0, 3), np.int64)], [], []
+    lists = listed(ply)
+    for rows in lists.get("face", ()):
+        corners = rows.values.get("vertex_indices", rows.values.get("vertex_index"))
+        if corners is None:
+            raise InputError(f"{path}: its faces list no vertex_indices, got {[*rows.values]}")
+        count = corners.shape[1]
+        fan = np.array([(0, i, i + 1) for i in range(1, count - 1)], dtype=np.int64).reshape(-1, 3)
+        faces.append(corners.astype(np.int64)[:, fan].reshape(-1, 3))
+        places = rows.values.get("texcoord")
+        if places is not None and places.shape[1] == 2 * count:
+            skin.append(places.reshape(-1, count, 2)[:, fan].reshape(-1, 2))
+        if "red" in rows.values:
+            own = np.column_stack([rows.values[name] for name in ("red", "green", "blue")])
+            colours.append(np.repeat(own, len(fan), axis=0))
+    for rows in lists.get("tristrips", ()):  # -1 ends a strip within a row
+        for row in np.concatenate([*rows.values.values()], axis=1).astype(np.int64):
+            ends = np.flatnonzero(row < 0)
+            strips = [strip[strip >= 0] for strip in np.split(row, ends)]
+            strips = [strip for strip in strips if len(strip) > 2]
+            if strips:
+                faces.append(trimesh.util.triangle_strips_to_faces(strips))
+    points, faces = table.positions, np.concatenate(faces)
+    if not len(faces):
+        return AssetContent([], cloud=points[np.isfinite(points).all(axis=1)])
+    mesh = trimesh.Trimesh(points, faces, process=False, validate=False)
+    channels = [table.columns.get(name) for name in ("red", "green", "blue")]
+    if all(channel is not None for channel in channels):
+        mesh.visual = trimesh.visual.ColorVisuals(mesh, vertex_colors=np.column_stack(channels))  # type: ignore[arg-type]
+    elif sum(map(len, colours)) == len(faces):
+        mesh.visual = trimesh.visual.ColorVisuals(mesh, face_colors=np.concatenate(colours))
+    return AssetContent([NamedSurface(mesh)])
 
 
 PLY_SURFACE = Format("PLY surface, splats or cloud", (".ply",), read=read_ply_surface)
-
-
-def _triangles(
-    path: Path, points: np.ndarray, rows: Sequence[np.ndarray]
-) -> Iterator[trimesh.Trimesh]:
-    """One surface of all strips, if there are any; -1 ends a strip within a row."""
-    import trimesh
-
-    parts = [part for row in rows for part in np.split(row, np.flatnonzero(row < 0))]
-    strips = [strip for part in parts if len(strip := part[part >= 0]) > 2]
-    if strips and max(map(np.max, strips)) >= len(points):
-        raise InputError(f"{path}: a triangle strip names a vertex that is not there")
-    if strips:
-        faces = trimesh.util.triangle_strips_to_faces(strips)
-        yield trimesh.Trimesh(points, faces, process=False)
-
-
-# Triangle strips of a binary PLY, in lists of any lengths: trimesh reads only lists of one.
-
-TYPES = {
-    "char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4",
-    "float": "f4", "double": "f8", "int8": "i1", "uint8": "u1", "int16": "i2", "uint16": "u2",
-    "int32": "i4", "uint32": "u4", "float32": "f4", "float64": "f8",
-}  # fmt: skip
-
-
-class Strips(NamedTuple):
-    """``points`` (n, 3) in the file's unit, and strips of their numbers, which -1 may divide."""
-
-    points: np.ndarray
-    rows: list[np.ndarray]
-
-
-class _Element(NamedTuple):
-    """An element of the header: its rows, its plain columns, or the two types of its list."""
-
-    name: str
-    count: int
-    columns: list[tuple[str, str]]
-    listed: tuple[str, str] | None
-
-
-def binary_strips(path: Path, data: bytes) -> Strips | None:
-    """Read the vertices and strips of a binary PLY; None of other files.
-
-    Raises InputError: Where the file is cut short, or an element before the strips has lists.
-    """
-    header, _, body = data.partition(b"end_header")
-    order = re.search(rb"format binary_(little|big)_endian", header)
-    if order is None or b"element tristrips" not in header:
-        return None
-    body = body[body.index(b"\n") + 1 :]
-    points, at = np.zeros((0, 3)), 0
-    for element in _elements(header.decode("ascii", "replace"), "<>"[order[1] == b"big"]):
-        if element.name == "tristrips" and element.listed:
-            return Strips(points, _lists(path, element, body, at))
-        if element.listed:
-            break
-        dtype = np.dtype(element.columns)
-        if at + element.count * dtype.itemsize > len(body):
-            raise InputError(f"{path}: ends before its {element.count} {element.name} elements do")
-        table = np.frombuffer(body, dtype, element.count, at)
-        if element.name == "vertex":
-            points = np.stack([table[axis].astype(np.float64) for axis in "xyz"], axis=1)
-        at += element.count * dtype.itemsize
-    raise InputError(f"{path}: has lists before its triangle strips: export it with faces")
-
-
-def _elements(header: str, order: str) -> list[_Element]:
-    found: list[_Element] = []
-    for words in map(str.split, header.splitlines()):
-        if words[:1] == ["element"]:
-            found.append(_Element(words[1], int(words[2]), [], None))
-        elif words[:2] == ["property", "list"]:
-            types = order + TYPES[words[2]], order + TYPES[words[3]]
-            found[-1] = found[-1]._replace(listed=types)
-        elif words[:1] == ["property"]:
-            found[-1].columns.append((words[2], order + TYPES[words[1]]))
-    return found
-
-
-def _lists(path: Path, element: _Element, body: bytes, at: int) -> list[np.ndarray]:
-    assert element.listed is not None
-    length, value = map(np.dtype, element.listed)
-    rows = []
-    for _ in range(element.count):
-        size = int(np.frombuffer(body[at : at + length.itemsize].ljust(length.itemsize), length)[0])
-        at += length.itemsize
-        if size < 0 or at + size * value.itemsize > len(body):
-            raise InputError(f"{path}: ends before its triangle strips do")
-        rows.append(np.frombuffer(body, value, size, at).astype(np.int64))
-        at += size * value.itemsize
-    return rows
