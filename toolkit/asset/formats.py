@@ -6,15 +6,17 @@
 from __future__ import annotations
 
 import hashlib
+import io
 import logging
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 from urllib.parse import unquote
 
 import numpy as np
 
 from ...converters.registry import Format
 from ...fem.errors import AutophyxError, InputError
+from ...fem.note import Note
 from ...fem.registry import Registry
 from ...predictors.asset import UpAxis
 
@@ -31,8 +33,8 @@ ASSET_FORMATS: Registry[Format] = Registry(
         ".ply": "readers:PLY_SURFACE",
         ".stl": "readers:STL",
         ".off": "readers:OFF",
-        ".glb": "readers:GLTF",
-        ".gltf": "readers:GLTF",
+        ".glb": "gltf:GLTF",
+        ".gltf": "gltf:GLTF",
         ".3mf": "readers:THREEMF",
         ".dae": "readers:COLLADA",
         ".xyz": "readers:TEXT_CLOUD",
@@ -131,6 +133,22 @@ class References:
         if sentence not in self.warnings:
             log.info(sentence)
             self.warnings.append(sentence)
+
+
+def decoded(data: Any, material: str | None, references: References) -> Any:
+    """Texture of a material, of bytes or an open picture; None, told, if it cannot be decoded."""
+    from PIL import Image
+
+    try:
+        image = Image.open(io.BytesIO(data)) if isinstance(data, bytes) else data
+        image.load()
+    except Exception as error:  # a parser of untrusted bytes may raise anything
+        reason = " ".join(f"{type(error).__name__}: {error}".split())[:200]
+        references.warn(
+            Note("formats.texture", material=material or "without a name", reason=reason)
+        )
+        return None
+    return image
 
 
 def read_content(path: Path, data: bytes, references: References) -> AssetContent:

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import io
-import json
 import re
-import struct
 import zipfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -19,15 +17,10 @@ from ...converters.points.table import PointTable, read_points
 from ...converters.points.views import splat_surface
 from ...converters.registry import Format, Keeps
 from ...fem.errors import InputError
-from .formats import AssetContent, NamedSurface, References
+from .formats import AssetContent, NamedSurface, References, decoded
 
 if TYPE_CHECKING:
     import trimesh
-
-
-# Pictures of a material, by trimesh's names: those that a skin is made of, and the others.
-TEXTURES = ("image", "baseColorTexture", "metallicRoughnessTexture")
-UNSEEN_TEXTURES = ("emissiveTexture", "normalTexture", "occlusionTexture")
 
 
 def parse_scene(path: Path, data: bytes, references: References, **options: Any) -> trimesh.Scene:
@@ -45,23 +38,10 @@ def parse_scene(path: Path, data: bytes, references: References, **options: Any)
     visuals = (getattr(geometry, "visual", None) for geometry in scene.geometry.values())
     materials = (getattr(visual, "material", None) for visual in visuals)
     for material in {id(material): material for material in materials}.values():
-        for kind in UNSEEN_TEXTURES:
-            if getattr(material, kind, None) is not None:
-                setattr(material, kind, None)
-        for kind in TEXTURES:
-            image = getattr(material, kind, None)
-            if image is None:
-                continue
-            try:
-                image.load()
-            except Exception as error:  # a parser of untrusted bytes may raise anything
-                setattr(material, kind, None)
-                name = getattr(material, "name", None) or "without a name"
-                reason = " ".join(f"{type(error).__name__}: {error}".split())[:200]
-                references.warn(
-                    f"a texture of material {name} cannot be decoded ({reason}): its parts have "
-                    "the plain colour of the material; export the texture again"
-                )
+        for kind in ("image", "baseColorTexture"):
+            if (image := getattr(material, kind, None)) is not None:
+                name = getattr(material, "name", None)
+                setattr(material, kind, decoded(image, name, references))
     return scene
 
 
@@ -119,74 +99,6 @@ def refuse_entities(path: Path, text: bytes) -> None:
     """No XML entities: they can read files and grow without bound."""
     if b"<!DOCTYPE" in text or b"<!ENTITY" in text:
         raise InputError(f"{path}: declares XML entities, which are not read: export it again")
-
-
-# glTF, text and binary: metres, +Y up, by the standard.
-
-
-def read_gltf(path: Path, data: bytes, references: References) -> AssetContent:
-    """Read one surface per node and material, in world coordinates."""
-    document = json.loads(gltf_json(data))
-    # One surface per node and primitive, with the names that the file gives node and mesh
-    from trimesh.util import unique_name
-
-    scene, meshes = parse_scene(path, data, references), document.get("meshes", [])
-    # Nodes of the file under the names that trimesh gives them: their own, counted if equal
-    nodes: dict[str, dict[str, Any]] = {}
-    counts: dict[str | None, int] = {}
-    for number, node in enumerate(document.get("nodes", [])):
-        nodes[unique_name(node.get("name", str(number)), nodes, counts=counts)] = node
-    if "world" in nodes:  # the name of trimesh's own root
-        nodes[unique_name("world", nodes)] = nodes["world"]
-    order = {geometry: number for number, geometry in enumerate(scene.geometry)}
-    materials: dict[int, int] = {}
-    found = []
-    for shown in scene.graph.nodes_geometry:
-        transform, geometry = scene.graph[shown]
-        mesh = scene.geometry[geometry]
-        if not is_surface(mesh):
-            continue
-        names = node_path(scene, shown)
-        names = names if shown in nodes else names[1:]
-        mesh_name = meshes[nodes[names[0]]["mesh"]].get("name", "")
-        material = id(getattr(mesh.visual, "material", None))
-        surface = NamedSurface(
-            placed(mesh, transform),
-            (names[0], mesh_name, *names[1:]),
-            mesh_material_name(mesh),
-            materials.setdefault(material, len(materials)),
-        )
-        found.append((names[0], order[geometry], surface))
-    surfaces = [surface for *_, surface in sorted(found, key=lambda entry: entry[:2])]
-    if not surfaces and references.warnings:
-        raise InputError(f"{path}: {references.warnings[0]}")
-    images = document.get("images", [])
-    unread = [
-        str(image.get("name") or image.get("uri") or f"image {number}")
-        for number, image in enumerate(images)
-        if "ktx2" in (image.get("mimeType", "") + image.get("uri", "")[-5:]).lower()
-    ]
-    warnings = ()
-    if unread:
-        some = ", ".join(unread[:3]) + (f" and {len(unread) - 3} more" if len(unread) > 3 else "")
-        warnings = (
-            f"{len(unread)} of {len(images)} textures are KTX2, which is not read ({some}): their "
-            "parts have the plain colours of their materials; export the textures as PNG or JPEG",
-        )
-    return AssetContent(surfaces, metres=1.0, up="y", warnings=warnings)
-
-
-def gltf_json(data: bytes) -> bytes:
-    """Return the JSON document of a glTF file, text or binary."""
-    if data[:4] != b"glTF":
-        return data
-    (size,) = struct.unpack_from("<I", data, 12)
-    return data[20 : 20 + size]
-
-
-GLTF = Format(
-    "glTF", (".glb", ".gltf"), read=read_gltf, keeps=frozenset({Keeps.UNIT, Keeps.UP, Keeps.PARTS})
-)
 
 
 # OBJ: objects or groups by material, indices that count back made absolute.
