@@ -29,7 +29,7 @@ ASSET_FORMATS: Registry[Format] = Registry(
     "asset suffix",
     __package__ or "",
     {
-        ".obj": "readers:OBJ",
+        ".obj": "obj:OBJ",
         ".ply": "readers:PLY_SURFACE",
         ".stl": "readers:STL",
         ".off": "readers:OFF",
@@ -85,13 +85,10 @@ class References:
     ``warnings`` a sentence for each reference that was missing, refused or too large.
 
     folder: The folder of the asset; a reference that leads out of it is refused.
-    materials: Material names for which a missing material file is replaced by bare entries, so that
-        the names of the parts survive.
     """
 
-    def __init__(self, folder: Path, *, materials: tuple[str, ...] = ()) -> None:
+    def __init__(self, folder: Path) -> None:
         self.folder = folder.resolve()
-        self.materials = materials
         self.found: dict[str, bytes] = {}
         self.warnings: list[str] = []
 
@@ -111,8 +108,6 @@ class References:
             self.found[name] = path.read_bytes()
             return self.found[name]
         self.warn(f"{name!r} {reason}: the asset is used without it")
-        if name.lower().endswith(".mtl") and self.materials:
-            return "".join(f"newmtl {material}\n" for material in self.materials).encode()
         raise FileNotFoundError(f"{name!r} {reason}")
 
     __getitem__ = get

@@ -101,55 +101,6 @@ def refuse_entities(path: Path, text: bytes) -> None:
         raise InputError(f"{path}: declares XML entities, which are not read: export it again")
 
 
-# OBJ: objects or groups by material, indices that count back made absolute.
-
-_COUNTED_LINE = re.compile(r"^(?:v|vt|vn|f)[ \t].*$", flags=re.MULTILINE)
-
-
-def read_obj(path: Path, data: bytes, references: References) -> AssetContent:
-    """Read one surface per object (or group, where there are no objects) and material."""
-    text = absolute_indices(data.decode(errors="replace"))
-    names = re.findall(r"^usemtl[ \t]+(\S+)", text, flags=re.MULTILINE)
-    references.materials = tuple(dict.fromkeys(names))
-    objects = re.search(r"^o[ \t]+\S", text, flags=re.MULTILINE) is not None
-    scene = parse_scene(
-        path,
-        text.encode(),
-        references,
-        group_material=True,
-        split_objects=objects,
-        split_groups=not objects,
-    )
-    surfaces = []
-    for name, mesh in surface_meshes(scene):
-        material = mesh_material_name(mesh)
-        surfaces.append(NamedSurface(mesh, (name.removesuffix(f"_{material}"),), material))
-    return AssetContent(surfaces, up_guess="y", cloud=None if surfaces else cloud_of(scene))
-
-
-OBJ = Format("OBJ", (".obj",), read=read_obj, keeps=frozenset({Keeps.PARTS}))
-
-
-def absolute_indices(text: str) -> str:
-    """Rewrite an OBJ text's relative (negative) indices, which count back from their own line."""
-    if not re.search(r"^f[ \t].*-\d", text, flags=re.MULTILINE):
-        return text
-    count = {"v": 0, "vt": 0, "vn": 0}
-
-    def absolute(match: re.Match[str]) -> str:
-        kind, *rest = match.group().split()
-        if kind != "f":
-            count[kind] += 1
-            return match.group()
-        corners = []
-        for corner in rest:
-            pairs = zip(corner.split("/"), count.values(), strict=False)
-            corners.append("/".join(str(n + 1 + int(i)) if i[:1] == "-" else i for i, n in pairs))
-        return " ".join(["f", *corners])
-
-    return _COUNTED_LINE.sub(absolute, text)
-
-
 # COLLADA: unit and up axis are in the file.
 
 
