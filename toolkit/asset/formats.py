@@ -35,7 +35,7 @@ ASSET_FORMATS: Registry[Format] = Registry(
         ".off": "readers:OFF",
         ".glb": "gltf:GLTF",
         ".gltf": "gltf:GLTF",
-        ".3mf": "readers:THREEMF",
+        ".3mf": "threemf:THREEMF",
         ".dae": "readers:COLLADA",
         ".xyz": "readers:TEXT_CLOUD",
         **dict.fromkeys((".splat", ".spz", ".ksplat"), "readers:CARRIER"),
@@ -144,6 +144,12 @@ def decoded(data: Any, material: str | None, references: References) -> Any:
         )
         return None
     return image
+
+
+def refuse_entities(path: Path, text: bytes) -> None:
+    """No XML entities: they can read files and grow without bound."""
+    if b"<!DOCTYPE" in text or b"<!ENTITY" in text:
+        raise InputError(f"{path}: declares XML entities, which are not read: export it again")
 
 
 def read_content(path: Path, data: bytes, references: References) -> AssetContent:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import re
-import zipfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,7 +16,7 @@ from ...converters.points.table import PointTable, read_points
 from ...converters.points.views import splat_surface
 from ...converters.registry import Format, Keeps
 from ...fem.errors import InputError
-from .formats import AssetContent, NamedSurface, References, decoded
+from .formats import AssetContent, NamedSurface, References, decoded, refuse_entities
 
 if TYPE_CHECKING:
     import trimesh
@@ -95,12 +94,6 @@ def cloud_of(scene: trimesh.Scene) -> np.ndarray | None:
     return np.concatenate(points) if points and sum(map(len, points)) else None
 
 
-def refuse_entities(path: Path, text: bytes) -> None:
-    """No XML entities: they can read files and grow without bound."""
-    if b"<!DOCTYPE" in text or b"<!ENTITY" in text:
-        raise InputError(f"{path}: declares XML entities, which are not read: export it again")
-
-
 # COLLADA: unit and up axis are in the file.
 
 
@@ -150,35 +143,6 @@ def read_off(path: Path, data: bytes, references: References) -> AssetContent:
 
 
 OFF = Format("OFF", (".off",), read=read_off)
-
-
-# 3MF: the unit is in the model, +Z up by the standard.
-
-MAX_UNPACKED_BYTES = 2 * 2**30  # of an archive: more is a bomb or a scan
-# Metres of the units that 3MF names; it means millimetres where it names none.
-THREEMF_METRES = {
-    "micron": 1e-6, "millimeter": 1e-3, "centimeter": 1e-2, "inch": 0.0254, "foot": 0.3048,
-    "meter": 1.0,
-}  # fmt: skip
-
-
-def read_threemf(path: Path, data: bytes, references: References) -> AssetContent:
-    """Read one surface per object of the build."""
-    with zipfile.ZipFile(io.BytesIO(data)) as archive:
-        models = [m for m in archive.infolist() if m.filename.lower().endswith(".model")]
-        if sum(member.file_size for member in archive.infolist()) > MAX_UNPACKED_BYTES:
-            raise InputError(f"{path}: unpacks to more than {MAX_UNPACKED_BYTES} bytes")
-        texts = [archive.read(model) for model in models]
-    for text in texts:
-        refuse_entities(path, text)
-    unit = re.search(rb"<model[^>]*\bunit=[\"'](\w+)", b"".join(texts))
-    metres = THREEMF_METRES.get(unit.group(1).decode().lower() if unit else "millimeter")
-    return AssetContent(node_surfaces(parse_scene(path, data, references)), metres=metres, up="z")
-
-
-THREEMF = Format(
-    "3MF", (".3mf",), read=read_threemf, keeps=frozenset({Keeps.UNIT, Keeps.UP, Keeps.PARTS})
-)
 
 
 # Formats with one surface, or several named solids, and no tree of nodes: STL, text clouds.
