@@ -37,11 +37,10 @@ ASSET_FORMATS: Registry[Format] = Registry(
         ".gltf": "gltf:GLTF",
         ".3mf": "threemf:THREEMF",
         ".dae": "readers:COLLADA",
-        ".xyz": "readers:TEXT_CLOUD",
         **dict.fromkeys((".splat", ".spz", ".ksplat"), "readers:CARRIER"),
         **dict.fromkeys((".npz", ".nvdb", ".ingp", ".msgpack"), "readers:CARRIER"),
         **dict.fromkeys((".pt", ".pth", ".ckpt", ".safetensors"), "readers:CARRIER"),
-        **dict.fromkeys((".pcd", ".las", ".laz"), "readers:CARRIER"),
+        **dict.fromkeys((".xyz", ".pcd", ".las", ".laz"), "readers:CARRIER"),
     },
 )
 

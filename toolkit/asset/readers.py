@@ -16,6 +16,7 @@ from ...converters.points.table import PointTable, read_points
 from ...converters.points.views import splat_surface
 from ...converters.registry import Format, Keeps
 from ...fem.errors import InputError
+from ...fem.note import Note
 from .formats import AssetContent, NamedSurface, References, decoded, refuse_entities
 
 if TYPE_CHECKING:
@@ -98,15 +99,28 @@ def cloud_of(scene: trimesh.Scene) -> np.ndarray | None:
 
 
 def read_collada(path: Path, data: bytes, references: References) -> AssetContent:
-    """Read one surface per node and material."""
+    """Read one surface per node and material; a skin is taken as it is bound.
+
+    Raises InputError: Where the unit is no length, or nothing but skins without joints is there.
+    """
+    from lxml import etree
+
     refuse_entities(path, data)
-    unit = re.search(rb"<unit[^>]*\bmeter=[\"']([\d.eE+-]+)", data)
-    axis = re.search(rb"<up_axis>\s*([XYZ])_UP", data)
-    return AssetContent(
-        node_surfaces(parse_scene(path, data, references)),
-        metres=float(unit.group(1)) if unit else 1.0,
-        up=axis.group(1).decode().lower() if axis else "y",  # type: ignore[arg-type]
-    )
+    parser = etree.XMLParser(huge_tree=True, resolve_entities=False, no_network=True)
+    root = etree.fromstring(data, parser)
+    unit = root.find("{*}asset/{*}unit")
+    said = "1" if unit is None else unit.get("meter", "1")
+    try:
+        metres = float(said.replace(",", "."))
+    except ValueError:
+        metres = 0.0
+    if not 0 < metres < np.inf:
+        raise InputError("readers.collada_unit", path=path, said=said)
+    axis = (root.findtext("{*}asset/{*}up_axis") or "Y_UP").strip()[:1].lower()
+    surfaces = node_surfaces(parse_scene(path, data, references))
+    if not surfaces and root.find(".//{*}instance_controller") is not None:
+        raise InputError("readers.collada_skin", path=path)
+    return AssetContent(surfaces, metres=metres, up=axis if axis in "xyz" else "y")  # type: ignore[arg-type]
 
 
 COLLADA = Format(
@@ -114,7 +128,7 @@ COLLADA = Format(
 )
 
 
-# OFF with polygons of any size and per-face colours, which trimesh stumbles over.
+# OFF with polygons of any size and per-face colours; the keyword may be missing.
 
 
 def read_off(path: Path, data: bytes, references: References) -> AssetContent:
@@ -123,10 +137,22 @@ def read_off(path: Path, data: bytes, references: References) -> AssetContent:
 
     lines = [line.split("#")[0].split() for line in data.decode(errors="replace").splitlines()]
     words = [line for line in lines if line]
-    if re.fullmatch(r"(ST)?C?N?4?OFF", words[0][0].upper()) is None:
+    kind = re.fullmatch(r"(ST)?C?N?(4|n)?OFF", words[0][0])
+    if "BINARY" in words[0] or (kind and kind[2]):
+        raise InputError("readers.off", path=path, kind=" ".join(words[0][:2]))
+    if kind:
+        words[0] = words[0][1:]
+        words = [line for line in words if line]
+    elif not words[0][0].isdigit():
         raise ValueError(f"starts with {words[0][0][:20]!r}")
-    first = words[0][1:] or words.pop(1)
-    vertices, faces = (int(n) for n in first[:2])
+    vertices, faces = (int(n) for n in words[0][:2])
+    if vertices + faces > len(words) - 1 and not (kind and kind[0] != "OFF"):
+        # Not a line each: plain points and polygons one after the other
+        flat = iter([word for line in words for word in line][3:])
+        words = [words[0], *([next(flat) for _ in range(3)] for _ in range(vertices))]
+        for _ in range(faces):
+            count = next(flat)
+            words.append([count, *(next(flat) for _ in range(int(count)))])
     if vertices + faces > len(words) - 1:
         raise ValueError(f"announces {vertices} vertices and {faces} faces, has fewer lines")
     points = np.array([[float(x) for x in w[:3]] for w in words[1 : vertices + 1]])
@@ -145,21 +171,66 @@ def read_off(path: Path, data: bytes, references: References) -> AssetContent:
 OFF = Format("OFF", (".off",), read=read_off)
 
 
-# Formats with one surface, or several named solids, and no tree of nodes: STL, text clouds.
+# STL, text and binary: triangles without a unit, unless the header tells.
+
+_VERTEX = re.compile(rb"\bvertex\s+(\S+)\s+(\S+)\s+(\S+)", re.IGNORECASE)
+_SOLID = re.compile(rb"^[ \t]*(end)?solid\b[ \t]*([^\r\n]*)", re.IGNORECASE | re.MULTILINE)
+_UNIT = re.compile(rb"\bunits?\s*[=:]\s*(mm|cm|m|in(?:ch)?)\b", re.IGNORECASE)
+STL_HEADER, STL_TRIANGLE = 84, 50  # bytes
+STL_METRES = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254, "inch": 0.0254}
 
 
-def read_plain(path: Path, data: bytes, references: References) -> AssetContent:
-    """Formats with one surface, or several named solids, and no tree of nodes."""
-    scene = parse_scene(path, data, references)
-    named = len(scene.geometry) > 1
+def read_stl(path: Path, data: bytes, references: References) -> AssetContent:
+    """Read one surface, or several named solids of a text file.
+
+    Raises InputError: Where the file is cut short.
+    """
+    import trimesh
+
+    unit = _UNIT.search(data[:256])
+    metres = STL_METRES[unit[1].decode().lower()] if unit else None
+    found: list[tuple[str, np.ndarray]] = []
+    warnings = []
+    if data.lstrip()[:5].lower() == b"solid" and re.search(rb"\bfacet\b|endsolid", data[:4096]):
+        marks = [(m.start(), m[1] is None, m[2].decode("utf-8", "replace").strip())
+                 for m in _SOLID.finditer(data)]  # fmt: skip
+        begins = [(at, name) for at, begin, name in marks if begin]
+        for (at, name), (end, _) in zip(begins, [*begins[1:], (len(data), "")], strict=True):
+            corners = _VERTEX.findall(data, at, end)
+            if any(b"," in word for word in sum(corners[:3], ())):
+                raise InputError("readers.stl_commas", path=path)
+            if len(corners) % 3:
+                raise InputError("readers.stl_cut", path=path, count=len(corners) // 3)
+            found.append((name, np.array(corners, dtype="S").astype(np.float64)))
+        if marks and marks[-1][1]:  # no endsolid
+            if not re.search(rb"endfacet\s*$", data):
+                raise InputError("readers.stl_cut", path=path, count=len(found[-1][1]) // 3)
+            warnings.append(Note("readers.stl_end"))
+    elif len(data) >= STL_HEADER:
+        announced = int(np.frombuffer(data, "<u4", 1, 80)[0])
+        there, _rest = divmod(len(data) - STL_HEADER, STL_TRIANGLE)
+        count = there if announced == 0 else announced
+        if count > there:
+            raise InputError("readers.stl_announced", path=path, announced=announced, there=there)
+        if announced == 0 and there:
+            warnings.append(Note("readers.stl_count", there=there))
+        if left := len(data) - STL_HEADER - STL_TRIANGLE * count:
+            warnings.append(Note("readers.stl_tail", left=left))
+        row = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("more", "<u2")])
+        rows = np.frombuffer(data, row, count, STL_HEADER)
+        found.append(("", rows["corners"].reshape(-1, 3).astype(np.float64)))
     surfaces = [
-        NamedSurface(mesh, (name,) if named else ()) for name, mesh in surface_meshes(scene)
+        NamedSurface(
+            trimesh.Trimesh(c, np.arange(len(c)).reshape(-1, 3), process=False, validate=False),
+            (name,) if len(found) > 1 else (),
+        )
+        for name, c in found
+        if len(c)
     ]
-    return AssetContent(surfaces, cloud=None if surfaces else cloud_of(scene))
+    return AssetContent(surfaces, metres=metres, warnings=tuple(warnings))
 
 
-STL = Format("STL", (".stl",), read=read_plain, keeps=frozenset({Keeps.PARTS}))
-TEXT_CLOUD = Format("text cloud", (".xyz",), read=read_plain)
+STL = Format("STL", (".stl",), read=read_stl, keeps=frozenset({Keeps.PARTS}))
 
 
 # Carriers as assets: the surface of splats or of a density grid, the points of a cloud.
@@ -184,11 +255,13 @@ def points_content(table: PointTable) -> AssetContent:
     if table.is_splat:
         surface = NamedSurface(splat_surface(table))
         return AssetContent([surface], samples=f"{len(table):,} Gaussians")
-    positions = table.positions
-    return AssetContent([], cloud=positions[np.isfinite(positions).all(axis=1)])
+    finite = np.isfinite(table.positions).all(axis=1)
+    lost = int((~finite).sum())
+    warnings = (Note("readers.not_finite", lost=lost, count=len(table)),) if lost else ()
+    return AssetContent([], cloud=table.positions[finite], warnings=warnings)
 
 
-_SPLATS, _CLOUDS = (".splat", ".spz", ".ksplat"), (".pcd", ".las", ".laz")
+_SPLATS, _CLOUDS = (".splat", ".spz", ".ksplat"), (".pcd", ".las", ".laz", ".xyz")
 _GRIDS = (".npz", ".nvdb", ".ingp", ".msgpack", ".pt", ".pth", ".ckpt", ".safetensors")
 CARRIER = Format("splats, cloud or density grid", (*_SPLATS, *_GRIDS, *_CLOUDS), read=read_carrier)
 
@@ -228,7 +301,7 @@ def read_ply_surface(path: Path, data: bytes, references: References) -> AssetCo
                 faces.append(trimesh.util.triangle_strips_to_faces(strips))
     points, faces = table.positions, np.concatenate(faces)
     if not len(faces):
-        return AssetContent([], cloud=points[np.isfinite(points).all(axis=1)])
+        return points_content(table)
     mesh = trimesh.Trimesh(points, faces, process=False, validate=False)
     channels = [table.columns.get(name) for name in ("red", "green", "blue")]
     if all(channel is not None for channel in channels):
