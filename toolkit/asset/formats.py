@@ -36,7 +36,7 @@ ASSET_FORMATS: Registry[Format] = Registry(
         ".glb": "gltf:GLTF",
         ".gltf": "gltf:GLTF",
         ".3mf": "threemf:THREEMF",
-        ".dae": "readers:COLLADA",
+        ".dae": "collada:COLLADA",
         **dict.fromkeys((".splat", ".spz", ".ksplat"), "readers:CARRIER"),
         **dict.fromkeys((".npz", ".nvdb", ".ingp", ".msgpack"), "readers:CARRIER"),
         **dict.fromkeys((".pt", ".pth", ".ckpt", ".safetensors"), "readers:CARRIER"),
@@ -143,6 +143,28 @@ def decoded(data: Any, material: str | None, references: References) -> Any:
         )
         return None
     return image
+
+
+def parse_scene(path: Path, data: bytes, references: References, **options: Any) -> trimesh.Scene:
+    """Parse with trimesh, changing nothing; textures are decoded."""
+    import trimesh
+
+    scene = trimesh.load_scene(
+        io.BytesIO(data),
+        file_type=path.suffix[1:].lower(),
+        resolver=references,  # type: ignore[arg-type]
+        process=False,
+        **options,
+    )
+    # Decode the pictures that a skin is made of, once, and let go of all others
+    visuals = (getattr(geometry, "visual", None) for geometry in scene.geometry.values())
+    materials = (getattr(visual, "material", None) for visual in visuals)
+    for material in {id(material): material for material in materials}.values():
+        for kind in ("image", "baseColorTexture"):
+            if (image := getattr(material, kind, None)) is not None:
+                name = getattr(material, "name", None)
+                setattr(material, kind, decoded(image, name, references))
+    return scene
 
 
 def refuse_entities(path: Path, text: bytes) -> None:

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import io
 import re
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,115 +16,10 @@ from ...converters.points.views import splat_surface
 from ...converters.registry import Format, Keeps
 from ...fem.errors import InputError
 from ...fem.note import Note
-from .formats import AssetContent, NamedSurface, References, decoded, refuse_entities
+from .formats import AssetContent, NamedSurface, References
 
 if TYPE_CHECKING:
-    import trimesh
-
-
-def parse_scene(path: Path, data: bytes, references: References, **options: Any) -> trimesh.Scene:
-    """Parse with trimesh, changing nothing; textures are decoded."""
-    import trimesh
-
-    scene = trimesh.load_scene(
-        io.BytesIO(data),
-        file_type=path.suffix[1:].lower(),
-        resolver=references,  # type: ignore[arg-type]
-        process=False,
-        **options,
-    )
-    # Decode the pictures that a skin is made of, once, and let go of all others
-    visuals = (getattr(geometry, "visual", None) for geometry in scene.geometry.values())
-    materials = (getattr(visual, "material", None) for visual in visuals)
-    for material in {id(material): material for material in materials}.values():
-        for kind in ("image", "baseColorTexture"):
-            if (image := getattr(material, kind, None)) is not None:
-                name = getattr(material, "name", None)
-                setattr(material, kind, decoded(image, name, references))
-    return scene
-
-
-def surface_meshes(scene: trimesh.Scene) -> list[tuple[str, trimesh.Trimesh]]:
-    """Surfaces of a scene by name."""
-    return [(name, mesh) for name, mesh in scene.geometry.items() if is_surface(mesh)]
-
-
-def node_surfaces(scene: trimesh.Scene) -> list[NamedSurface]:
-    """One surface per node that shows a mesh, where its node puts it."""
-    surfaces = []
-    for node in sorted(scene.graph.nodes_geometry):
-        transform, geometry = scene.graph[node]
-        mesh = scene.geometry[geometry]
-        if is_surface(mesh):
-            path = node_path(scene, node)
-            names = (node, str(geometry), *path[1:])
-            surfaces.append(NamedSurface(placed(mesh, transform), names, mesh_material_name(mesh)))
-    return surfaces
-
-
-def placed(mesh: trimesh.Trimesh, transform: np.ndarray) -> trimesh.Trimesh:
-    """Return a copy of a mesh where ``transform`` (4, 4) puts it."""
-    mesh = mesh.copy()
-    mesh.apply_transform(transform)
-    return mesh
-
-
-def node_path(scene: trimesh.Scene, node: str) -> list[str]:
-    """Names of a node and of the nodes above it, nearest first."""
-    parents = scene.graph.transforms.parents
-    names = [node]
-    while names[-1] in parents:
-        names.append(parents[names[-1]])
-    return names
-
-
-def is_surface(geometry: Any) -> bool:
-    """Whether a geometry has triangles."""
-    return getattr(geometry, "faces", None) is not None and len(geometry.faces) > 0
-
-
-def mesh_material_name(mesh: trimesh.Trimesh) -> str | None:
-    """Name of the material of a surface, if it has one."""
-    return getattr(getattr(mesh.visual, "material", None), "name", None)
-
-
-def cloud_of(scene: trimesh.Scene) -> np.ndarray | None:
-    """All points of a scene without triangles."""
-    points = [np.asarray(g.vertices, np.float64) for g in scene.geometry.values()]
-    return np.concatenate(points) if points and sum(map(len, points)) else None
-
-
-# COLLADA: unit and up axis are in the file.
-
-
-def read_collada(path: Path, data: bytes, references: References) -> AssetContent:
-    """Read one surface per node and material; a skin is taken as it is bound.
-
-    Raises InputError: Where the unit is no length, or nothing but skins without joints is there.
-    """
-    from lxml import etree
-
-    refuse_entities(path, data)
-    parser = etree.XMLParser(huge_tree=True, resolve_entities=False, no_network=True)
-    root = etree.fromstring(data, parser)
-    unit = root.find("{*}asset/{*}unit")
-    said = "1" if unit is None else unit.get("meter", "1")
-    try:
-        metres = float(said.replace(",", "."))
-    except ValueError:
-        metres = 0.0
-    if not 0 < metres < np.inf:
-        raise InputError("readers.collada_unit", path=path, said=said)
-    axis = (root.findtext("{*}asset/{*}up_axis") or "Y_UP").strip()[:1].lower()
-    surfaces = node_surfaces(parse_scene(path, data, references))
-    if not surfaces and root.find(".//{*}instance_controller") is not None:
-        raise InputError("readers.collada_skin", path=path)
-    return AssetContent(surfaces, metres=metres, up=axis if axis in "xyz" else "y")  # type: ignore[arg-type]
-
-
-COLLADA = Format(
-    "COLLADA", (".dae",), read=read_collada, keeps=frozenset({Keeps.UNIT, Keeps.UP, Keeps.PARTS})
-)
+    pass
 
 
 # OFF with polygons of any size and per-face colours; the keyword may be missing.
