@@ -12,6 +12,7 @@ from jaxtyping import Bool, Float, Int
 
 from ..fem.mesh import TetMesh
 from ..fem.solve.result import ParticleRun
+from .mesh.meshdata import containing_tets
 from .points.gaussians import (
     COUNTS,
     gaussians,
@@ -251,17 +252,6 @@ class Embedding:
     ) -> Float[np.ndarray, "used 3 3"]:
         """Deformation gradient F of every tet that holds a point; ``of_point`` says which."""
         return self._edges(self.mesh.points + displacement) @ self._rest
-
-
-def containing_tets(mesh: TetMesh, where: Float[np.ndarray, "*n 3"]) -> Int[np.ndarray, "*n"]:
-    """A tet around each place [m], of several on a common face any; -1 outside the mesh."""
-    import igl
-
-    tets, tree = mesh.tets.astype(np.int64), igl.AABB()
-    tree.init(mesh.points, tets)
-    flat = np.ascontiguousarray(where.reshape(-1, 3))
-    found = np.asarray(igl.in_element(mesh.points, tets, flat, tree), dtype=np.int64)
-    return found.reshape(where.shape[:-1])
 
 
 def embed(mesh: TetMesh, positions: Float[np.ndarray, "n 3"]) -> Embedding:
