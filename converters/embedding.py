@@ -178,6 +178,7 @@ class _Splats:
     def __init__(self, table: PointTable, valid: np.ndarray) -> None:
         found = gaussians(table)
         self.sigmas, self.axes = found.sigmas[valid], matrices_of(found.rotations[valid])
+        self.scales = [i for i in range(3) if f"scale_{i}" in table.columns]  # two of a surfel
         names = [name for name in table.columns if name.startswith("f_rest_")]
         self.names = [f"f_rest_{i}" for i in range(len(names))]
         channels = 3 if len(names) // 3 in COUNTS and len(names) % 3 == 0 else 0
@@ -193,7 +194,7 @@ class _Splats:
         found = stretched(self.sigmas, self.axes, rotation[of], stretch[of])
         with np.errstate(divide="ignore"):  # a flat splat stays flat: its log is -inf
             scales = np.log(found.sigmas)
-        columns = {f"scale_{i}": scales[:, i] for i in range(3)}
+        columns = {f"scale_{i}": scales[:, i] for i in self.scales}
         quaternions = quaternions_of(found.axes)
         columns |= {f"rot_{i}": quaternions[:, i] for i in range(4)}
         if self.harmonics is not None:

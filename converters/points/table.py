@@ -91,6 +91,10 @@ class PointTable:
         comments = (*self.comments, comment) if comment else self.comments
         return replace(self, columns={**self.columns, **extra}, comments=comments)
 
+    def only(self, rows: np.ndarray | slice) -> PointTable:
+        """Return some of the points, without what stands beside them."""
+        return PointTable({name: np.asarray(v)[rows] for name, v in self.columns.items()})
+
     def items(self) -> Iterator[Keeps]:
         """What a file of the table has to keep; of its own format also what stands beside."""
         if len(self.columns) > len(XYZ):

@@ -10,6 +10,7 @@ import numpy as np
 
 from ...converters.carriers import is_density
 from ...converters.grids import density_surface, read_density
+from ...converters.points.gaussians import sound_splats
 from ...converters.points.ply import listed, parse_ply, ply_points
 from ...converters.points.table import PointTable, read_points
 from ...converters.points.views import splat_surface
@@ -147,8 +148,12 @@ def read_carrier(path: Path, data: bytes, references: References) -> AssetConten
 def points_content(table: PointTable) -> AssetContent:
     """Surface through splats, or the finite points of a cloud."""
     if table.is_splat:
-        surface = NamedSurface(splat_surface(table))
-        return AssetContent([surface], samples=f"{len(table):,} Gaussians")
+        sound, warnings = sound_splats(table)
+        if not sound.any():
+            raise InputError("readers.no_splats", count=len(table))
+        surface = NamedSurface(splat_surface(table.only(sound)))
+        samples = f"{int(sound.sum()):,} Gaussians"
+        return AssetContent([surface], samples=samples, warnings=tuple(warnings))
     finite = np.isfinite(table.positions).all(axis=1)
     lost = int((~finite).sum())
     warnings = (Note("readers.not_finite", lost=lost, count=len(table)),) if lost else ()
