@@ -41,6 +41,7 @@ GUESSED_TAGS = (
     "blockid", "elementblockids", "cellentityids", "label", "labels", "group", "gmsh:geometrical",
 )  # fmt: skip
 MOST_REGIONS = 256
+COARSEST = 1e-3  # of the shortest edge: a step that changes the volume of its tets by .3 %
 SOFTEST = 1e3  # Pa: below it even jelly does not keep its shape on a table; E was likely in GPa
 MOST_REPEATED = 0.1  # of the tets: a file with more copies is broken
 SOLIDS = re.compile(r"hexahedr|wedge|prism|pyramid|polyhedr", re.IGNORECASE)
@@ -213,6 +214,20 @@ def containing_tets(mesh: TetMesh, where: Float[np.ndarray, "*n 3"]) -> Int[np.n
     flat = np.ascontiguousarray(where.reshape(-1, 3))
     found = np.asarray(igl.in_element(mesh.points, tets, flat, tree), dtype=np.int64)
     return found.reshape(where.shape[:-1])
+
+
+def far_offset(mesh: TetMesh) -> Float[np.ndarray, "3"]:
+    """What to take from all points [m] before they are written in single precision.
+
+    Nothing where its steps are fine enough for the shortest edge; else the middle of the box.
+    """
+    a, b = (
+        mesh.points[mesh.tets[:, [0, 0, 0, 1, 1, 2]]],
+        mesh.points[mesh.tets[:, [1, 2, 3, 2, 3, 3]]],
+    )
+    shortest = np.linalg.norm(a - b, axis=2).min()
+    step = np.abs(mesh.bounds).max() * np.finfo(np.float32).eps
+    return mesh.bounds.mean(axis=0) if step > COARSEST * shortest else np.zeros(3)
 
 
 def from_meshio(source: meshio.Mesh, names: Mapping[int, str] | None = None) -> MeshData:

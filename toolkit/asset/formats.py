@@ -37,6 +37,8 @@ ASSET_FORMATS: Registry[Format] = Registry(
         ".gltf": "gltf:GLTF",
         ".3mf": "threemf:THREEMF",
         ".dae": "collada:COLLADA",
+        **dict.fromkeys((".fbx", ".3ds", ".x3d", ".lwo"), "foreign:SCENE"),
+        **dict.fromkeys((".step", ".stp", ".iges", ".igs"), "foreign:CAD"),
         **dict.fromkeys((".splat", ".spz", ".ksplat"), "readers:CARRIER"),
         **dict.fromkeys((".npz", ".nvdb", ".ingp", ".msgpack"), "readers:CARRIER"),
         **dict.fromkeys((".pt", ".pth", ".ckpt", ".safetensors"), "readers:CARRIER"),
