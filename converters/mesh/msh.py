@@ -170,7 +170,7 @@ class _Cursor:
         self._body, self._at = body, 0
         self._values = np.array(body.split(), dtype=np.float64) if text else None
 
-    def take(self, kind: str, count: int) -> np.ndarray:
+    def take(self, kind: str, count: int | np.integer) -> np.ndarray:
         """``count`` numbers of a kind: i4, u8 or f8."""
         count = int(count)
         if self._values is not None:

@@ -170,7 +170,10 @@ class _File:
                 raise ValueError(f"buffer view {number} leaves its buffer of {len(data)} bytes")
             data, step = data[begin : begin + size], int(source.get("byteStride", 0))
             if packed:
-                data = unpacked(data, packed).tobytes()
+                try:
+                    data = unpacked(data, packed).tobytes()
+                except (ValueError, StopIteration) as error:
+                    raise InputError("gltf.meshopt", path=self.path, reason=error) from error
             self._views[number] = data, step
         return self._views[number]
 

@@ -26,9 +26,9 @@ def unpacked(packed: bytes, extension: dict[str, Any]) -> np.ndarray:
     count, stride = int(extension["count"]), int(extension["byteStride"])
     mode, applied = extension["mode"], extension.get("filter", "NONE")
     if not (0 < stride <= LONGEST and 0 <= count * stride <= 64 * len(packed)):
-        raise ValueError(f"meshopt: {count} elements of {stride} bytes in {len(packed)} bytes")
+        raise ValueError(f"{count} elements of {stride} bytes in {len(packed)} bytes")
     if mode not in DECODERS or (mode == "ATTRIBUTES" and stride % 4):
-        raise ValueError(f"meshopt: no mode {mode} of elements of {stride} bytes")
+        raise ValueError(f"no mode {mode} of elements of {stride} bytes")
     data = DECODERS[mode](packed, count, stride)
     if applied == "EXPONENTIAL":
         value = data.view("<i4")
@@ -44,14 +44,14 @@ def unpacked(packed: bytes, extension: dict[str, Any]) -> np.ndarray:
         np.put_along_axis(turned, place, np.hstack([parts, rest]), axis=1)
         return np.round(turned * 32767).astype("<i2").view(np.uint8)
     if applied not in ("NONE", "OCTAHEDRAL"):  # octahedral normals are not used
-        raise ValueError(f"meshopt: no filter {applied}")
+        raise ValueError(f"no filter {applied}")
     return data
 
 
 def _attributes(packed: bytes, count: int, stride: int) -> np.ndarray:
     """Blocks of elements, byte channel after channel: zigzag differences in groups of 16."""
     if not packed or packed[0] != 0xA0 or len(packed) < 1 + max(TAIL, stride):
-        raise ValueError("meshopt: attributes are not of version 0")
+        raise ValueError("attributes are not of version 0")
     out, at = np.zeros((count, stride), np.uint8), 1
     before = np.frombuffer(packed, np.uint8)[-stride:]
     block = min(BLOCK_BYTES // stride // GROUP * GROUP, MOST)
@@ -101,7 +101,7 @@ def _zigzag(value: int) -> int:
 def _triangles(packed: bytes, count: int, stride: int) -> np.ndarray:
     """Triangles by an edge of the 16 last ones and a vertex of the 16 last ones, or a new one."""
     if count % 3 or packed[:1] != b"\xe1" or len(packed) < 1 + count // 3 + 16:
-        raise ValueError("meshopt: triangles are not of version 1")
+        raise ValueError("triangles are not of version 1")
     codes, table = packed[1 : 1 + count // 3], packed[-16:]
     stream = iter(packed[1 + count // 3 :])
     following = last = 0
@@ -147,7 +147,7 @@ def _triangles(packed: bytes, count: int, stride: int) -> np.ndarray:
 def _indices(packed: bytes, count: int, stride: int) -> np.ndarray:
     """Indices as differences to one of two last ones."""
     if packed[:1] != b"\xd1":
-        raise ValueError("meshopt: indices are not of version 1")
+        raise ValueError("indices are not of version 1")
     stream, last, out = iter(packed[1:]), [0, 0], np.empty(count, np.int64)
     for number in range(count):
         value = _varint(stream)
