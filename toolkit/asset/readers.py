@@ -68,6 +68,7 @@ OFF = Format("OFF", (".off",), read=read_off)
 
 # STL, text and binary: triangles without a unit, unless the header tells.
 
+_FACET = re.compile(rb"\bfacet\b|\bendsolid\b", re.IGNORECASE)
 _VERTEX = re.compile(rb"\bvertex\s+(\S+)\s+(\S+)\s+(\S+)", re.IGNORECASE)
 _SOLID = re.compile(rb"^[ \t]*(end)?solid\b[ \t]*([^\r\n]*)", re.IGNORECASE | re.MULTILINE)
 _UNIT = re.compile(rb"\bunits?\s*[=:]\s*(mm|cm|m|in(?:ch)?)\b", re.IGNORECASE)
@@ -86,7 +87,7 @@ def read_stl(path: Path, data: bytes, references: References) -> AssetContent:
     metres = STL_METRES[unit[1].decode().lower()] if unit else None
     found: list[tuple[str, np.ndarray]] = []
     warnings = []
-    if data.lstrip()[:5].lower() == b"solid" and re.search(rb"\bfacet\b|endsolid", data[:4096]):
+    if data.lstrip()[:5].lower() == b"solid" and _FACET.search(data[:4096]):
         marks = [(m.start(), m[1] is None, m[2].decode("utf-8", "replace").strip())
                  for m in _SOLID.finditer(data)]  # fmt: skip
         begins = [(at, name) for at, begin, name in marks if begin]
@@ -98,7 +99,7 @@ def read_stl(path: Path, data: bytes, references: References) -> AssetContent:
                 raise InputError("readers.stl_cut", path=path, count=len(corners) // 3)
             found.append((name, np.array(corners, dtype="S").astype(np.float64)))
         if marks and marks[-1][1]:  # no endsolid
-            if not re.search(rb"endfacet\s*$", data):
+            if not re.search(rb"endfacet\s*$", data, re.IGNORECASE):
                 raise InputError("readers.stl_cut", path=path, count=len(found[-1][1]) // 3)
             warnings.append(Note("readers.stl_end"))
     elif len(data) >= STL_HEADER:
