@@ -135,9 +135,9 @@ class Particles:
                 numbers[rows, 0] = (lam + 2 * mu / 3)[rows]
             if substance.tears and substance.tension and substance.fracture_energy:
                 scatter = np.random.default_rng(substance.seed).standard_normal(int(rows.sum()))
-                tension = substance.tension * np.clip(1 + SCATTER * scatter, 0.5, 1.5)
+                tension = substance.tension * (1 + SCATTER * np.minimum(np.abs(scatter), 3.0))
                 band = crack_band(tension, substance.fracture_energy, self.E[rows], spacing)
-                numbers[rows, 0], numbers[rows, 1] = band.tension, band.softening
+                numbers[rows, 0], numbers[rows, 1] = tension, band.softening
         return numbers
 
     def only(self, keep: Bool[np.ndarray, "n"]) -> Particles:
@@ -145,6 +145,37 @@ class Particles:
         arrays = {f.name: getattr(self, f.name) for f in fields(self)}
         kept = {name: a[keep] for name, a in arrays.items() if isinstance(a, np.ndarray)}
         return replace(self, **kept)
+
+
+def rigid_labels(x: Float[np.ndarray, "n 3"], reach: float) -> Int[np.ndarray, "n"]:
+    """Number of the body of every place: those within ``reach`` of each other are one.
+
+    Parameters
+    ----------
+    x
+        Places [m], shape (n, 3).
+    reach
+        How far apart neighbours may be [m].
+
+    Returns
+    -------
+    array
+        Numbers of bodies from 0, shape (n,).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from autophyx_tet.fem import rigid_labels
+    >>> rigid_labels(np.array([[0.0, 0, 0], [0.9, 0, 0], [5.0, 0, 0]]), reach=1.0).tolist()
+    [0, 0, 1]
+    """
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+    from scipy.spatial import KDTree
+
+    pairs = KDTree(x).query_pairs(reach, output_type="ndarray").T
+    graph = coo_array((np.ones(pairs.shape[1], dtype=np.int8), tuple(pairs)), shape=(len(x),) * 2)
+    return connected_components(graph, directed=False)[1].astype(np.int64)
 
 
 class ParticleState(NamedTuple):
@@ -176,34 +207,55 @@ def block_places(
 # cells, wherever between the nodes it opens; with 1.75 or less two may open. Where a bar stores
 # more energy than its crack needs, waves open others: up to 1.5 times as much is spent.
 BAND = 1.8
-# Tensile strengths of particles differ by this fraction (standard deviation), for no body is
-# perfect.
+# Tensile strengths of particles lie above that of the matter by this fraction (of the half of a
+# normal distribution), for no body is perfect, and none tears below its strength.
 SCATTER = 0.1
 # G_f E / (l_c f_t^2) at least: below one half the stress would snap back.
 LEAST = 1 / 1.9
+# A particle is torn where damage leaves less than this fraction of its stress.
+TORN = 0.5
+# Particles within so many spacings, two to a cell and axis, are of one piece, and a piece is no
+# crumb from this fraction of the body on.
+REACH, CRUMB = 0.9, 0.01
 
 
 class CrackBand(NamedTuple):
-    """Strength ``tension`` f_t [Pa], ``softening`` H_s [1], where the strength is ``lowered``."""
+    """``softening`` H_s [1], and how many times G_f a crack ``spends`` [1] on this grid."""
 
-    tension: np.ndarray
     softening: np.ndarray
-    lowered: np.ndarray
+    spends: np.ndarray
 
 
 def crack_band(tension, energy: float, E, spacing: float) -> CrackBand:
     """Softening after f_t: sigma = f_t exp(-H_s (k - 1)) spends G_f over the band l_c.
 
     ``tension`` f_t [Pa] and ``E`` [Pa] are arrays, ``energy`` G_f [J/m^2]: 1/H_s = G_f E / (l_c
-    f_t^2) - 1/2. Where that is not positive (the cells are too large for so brittle a matter), f_t
-    is lowered to sqrt(1.9 G_f E / l_c).
+    f_t^2) - 1/2. Where that is not positive (the cells are too large for so brittle a matter) the
+    strength stays, and a crack spends more: what the band stores when it breaks.
     """
-    tension, E = np.broadcast_arrays(np.asarray(tension, dtype=float), np.asarray(E, dtype=float))
-    width = BAND * spacing
-    most = np.sqrt(energy * E / (width * LEAST))
-    lowered = tension > most
-    strength = np.where(lowered, most, tension)
-    return CrackBand(strength, 1 / (energy * E / (width * strength**2) - 0.5), lowered)
+    least = LEAST * BAND * spacing * np.asarray(tension, dtype=float) ** 2 / E
+    spends = np.maximum(least / energy, 1.0)
+    return CrackBand(1 / (LEAST * spends * energy / least - 0.5), spends)
+
+
+def stress_left(
+    q: Float[np.ndarray, "n"], softening: Float[np.ndarray, "n"]
+) -> Float[np.ndarray, "n"]:
+    """Fraction of its stress that damage ``q`` (largest sigma_1 / f_t) leaves matter [1]."""
+    q = np.maximum(q, 1.0)
+    return np.exp(-softening * (q - 1)) / q
+
+
+def pieces_of(x: Float[np.ndarray, "n 3"], volume: Float[np.ndarray, "n"], spacing: float) -> int:
+    """Number of pieces that particles at ``x`` [m] are in, beside crumbs, of a grid's ``spacing``.
+
+    Particles deep in rigid bodies, merged to one of several cells, join nothing.
+    """
+    own = volume < spacing**3
+    if not own.any():
+        return 0
+    size = np.bincount(rigid_labels(x[own], REACH * spacing), volume[own])
+    return int((size > CRUMB * size.sum()).sum())
 
 
 def without_cracks(
@@ -215,7 +267,7 @@ def without_cracks(
     together stays so.
     """
     torn = q > 1
-    keep = np.exp(-softening[torn] * (q[torn] - 1)) / q[torn]
+    keep = stress_left(q[torn], softening[torn])
     left, s, right = np.linalg.svd(F[torn])
     s = np.where(s > 1, 1 + keep[:, None] * (s - 1), s)
     whole = F.copy()

@@ -202,7 +202,8 @@ def principal_fields(
     root = np.sqrt(mass).repeat(int(np.prod(shape[1:])))[:, None]
     B, A = (root * f.reshape(len(root), -1) for f in (beside, fields))
     U, sizes, _ = np.linalg.svd(A - B @ (B.T @ A), full_matrices=False)
-    U = U[:, : min(most, int((sizes > DEPENDENT * sizes[0]).sum()))]  # the others are round-off
+    some = int((sizes > DEPENDENT * sizes.max(initial=0.0)).sum())  # the others are round-off
+    U = U[:, : min(most, some)]
     return np.where(root > 0, U / np.where(root > 0, root, 1), 0.0).reshape(*shape, -1)
 
 

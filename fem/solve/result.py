@@ -349,6 +349,25 @@ class Modes:
     residual: float
 
 
+class Breakage(NamedTuple):
+    """What tore in a motion of particles.
+
+    ``judged`` is the fraction [1] of the body's volume whose tearing was followed: what has a
+    strength and an energy of its cracks, and is not too stiff for the steps. Of that ``fraction``
+    [1] carries less than half of its stress, in the ``parts``, about the ``place`` [m] at rest
+    (NaN: nowhere). The body is in so many ``pieces``, crumbs aside, of ``pieces_before``. A crack
+    costs ``crack_energy`` times what was stated [1]: more than once where the grid is too coarse.
+    """
+
+    judged: float
+    fraction: float
+    parts: tuple[str, ...]
+    place: tuple[float, float, float]
+    pieces: int
+    pieces_before: int
+    crack_energy: float
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ParticleRun:
     """The particles of a motion that was found by them.
@@ -359,6 +378,7 @@ class ParticleRun:
         belong to so many rigid bodies, and that were softened.
     lagrangian: Whether the weights were those at rest.
     notes, laws: What was assumed, and the laws of its matter in words.
+    breakage: What tore.
     part: Region of every particle, shape (n,).
     positions, gradients: Places [m] and deformation gradients in every frame, (frames, n, 3) and
         (frames, n, 3, 3).
@@ -376,6 +396,7 @@ class ParticleRun:
     lagrangian: bool
     notes: tuple[str, ...]
     laws: tuple[str, ...]
+    breakage: Breakage
     part: Int[np.ndarray, "n"]
     positions: Float[np.ndarray, "frames n 3"]
     gradients: Float[np.ndarray, "frames n 3 3"]

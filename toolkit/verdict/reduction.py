@@ -71,7 +71,8 @@ class WhatIfTable(NamedTuple):
     @property
     def summary(self) -> str:
         """Runs, time and errors in a line."""
-        rest, tone = (float(np.abs(e).max()) for e in (self.error.rest, self.error.frequency))
+        errors = (self.error.rest, self.error.frequency)
+        rest, tone = (float(np.abs(e).max(initial=0.0)) for e in errors)
         return (
             f"{len(self.rows):,} runs in {self.seconds:.2g} s; of {len(self.error.runs)} that the "
             f"full body did too, displacement was within {rest:.2%}, first frequency {tone:.2%}"
@@ -83,7 +84,10 @@ class WhatIfTable(NamedTuple):
         found, without_rest = [], self.numbers["without_rest"]
         if without_rest:
             found.append(f"{without_rest} of {len(self.rows)} runs found no rest: no answer")
-        if max(np.abs(e).max() for e in (self.error.rest, self.error.frequency)) > MOTION_LIMIT:
+        if self.error.unsolved:
+            found.append(f"{self.error.unsolved} runs found no rest of the full body: not compared")
+        errors = (self.error.rest, self.error.frequency)
+        if max(np.abs(e).max(initial=0.0) for e in errors) > MOTION_LIMIT:
             found.append(f"the reduced runs are not the full body's: {self.summary}")
         return tuple(found)
 
@@ -97,6 +101,7 @@ class WhatIfTable(NamedTuple):
             "compared": self.error.runs,
             "rest_error": self.error.rest,
             "frequency_error": self.error.frequency,
+            "unsolved": self.error.unsolved,
         }
 
     def write(self, path: Path) -> None:

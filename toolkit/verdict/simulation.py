@@ -352,6 +352,7 @@ class MotionSimulation(Simulation):
             known += ("lagrangian", "spacing", "nodes", "plan")
             particles = {name: getattr(run, name) for name in known}
             found["particles"] = {"count": len(run.part), **particles}
+            found["breakage"] = run.breakage._asdict()
         return found
 
     @cached_property
