@@ -237,3 +237,21 @@ def displacement_gradients(
     arrays = [grid.points, grid.elements, where, field]
     wp.launch(k.displacement_gradient, tets, inputs=arrays, outputs=[out], device=device)
     return out.numpy()
+
+
+def geometric_stiffness(grid: Discretisation, stress: Float[np.ndarray, "tets points 3 3"]) -> Any:
+    """K_sigma [N/m] of ``stress`` [Pa] at the points of quadrature, of one direction: a csr_array.
+
+    It is the same for every direction, shape (nodes, nodes).
+    """
+    from scipy.sparse import csr_array
+
+    from . import kernels_field as k
+
+    wp, pattern, count = start_warp(), grid.pattern, len(grid.space.nodes)
+    stresses = wp.array(stress, dtype=wp.mat33d, device=grid.device)
+    values = wp.zeros(pattern.columns.shape[0], dtype=wp.float64, device=grid.device)
+    inputs = [grid.points, grid.elements, grid.quadrature, stresses, pattern.slots, values]
+    wp.launch(k.geometric_stiffness, len(stress), inputs=inputs, device=grid.device)
+    arrays = (values.numpy(), pattern.columns.numpy(), pattern.rows.numpy())
+    return csr_array(arrays, shape=(count, count))
