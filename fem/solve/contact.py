@@ -260,6 +260,10 @@ class Contact:
             total[lag.obstacle] -= lag.gradient(u).sum(axis=0)
         return total
 
+    def rubbed(self, u: np.ndarray) -> float:
+        """Energy [J] that friction with obstacles took in the step that ends at ``u``."""
+        return sum(float((lag.gradient(u) * lag.slip(u)[0]).sum()) for lag in self.lagged)
+
     def pressures(self, u: np.ndarray) -> ContactPressures:
         """Largest contact pressures [Pa] at ``u``, without friction."""
         pushes = np.zeros((len(self.obstacles) + 1, *u.shape))

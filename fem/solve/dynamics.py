@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Sequence
+from copy import copy
 
 import numpy as np
 
@@ -14,7 +15,7 @@ from ..elements.forces import load_vector, lumped_mass, node_counts, node_veloci
 from ..errors import ConvergenceError, InputError
 from ..laws.law import Law
 from ..linalg.solver import RepeatedSolver
-from ..mesh import TetMesh, material_of
+from ..mesh import TetMesh, face_areas, material_of
 from ..scene.obstacles import Obstacle
 from ..scene.scene import Scene
 from ..scene.supports import Supports
@@ -24,7 +25,7 @@ from .damping import Damping, Rayleigh
 from .error import motion_elements, motion_order
 from .method import FrameProgress, halving_notes
 from .nonlinear import minimise
-from .result import Motion, MotionResult, locking_fraction
+from .result import Impact, Motion, MotionResult, locking_fraction
 from .schemes import DeviceSteps, Forecast, Incremental, Kinematics, Scheme, Step, nodal_rigidity
 
 logger = logging.getLogger(__name__)
@@ -136,6 +137,15 @@ class Dynamics:
         self._forecast, self._dt = Forecast(), 0.0
 
     @property
+    def kept(self) -> tuple:
+        """The state and its past: set again, the body goes on from there."""
+        return self.state, self._before, copy(self._forecast), self._dt, self._step_made
+
+    @kept.setter
+    def kept(self, kept: tuple) -> None:
+        self.state, self._before, self._forecast, self._dt, self._step_made = kept
+
+    @property
     def last_step(self) -> Step | None:
         """The step made last: shorter than the one asked for where that was halved."""
         return Step.of(*self._step_made) if self._step_made else None
@@ -242,6 +252,73 @@ class Dynamics:
         return self.solver(potential.hessian(u, projected=False), b, 0.0)
 
 
+# An impact is followed in so many steps while a wave crosses the body and comes back, which no
+# contact is shorter than; in at most so many a frame, and so many for every frame altogether.
+PARTS, MOST_PARTS, MOST_STEPS = 16, 64, 4
+# A frame that meets an obstacle and loses more than this fraction of the energy, but to friction,
+# is such an impact.
+LOSSY = 0.01
+
+
+class ImpactSteps:
+    """Frames of ``dt`` [s] of a body: one step each, but for impacts, which have their own.
+
+    A step stops what it meets at once, and takes the energy of its fall. Where that is seen, the
+    frame is taken again, by BDF2, in parts of the time in which waves cross the body, if these are
+    not too many; ``impact`` tells what came of it.
+    """
+
+    def __init__(self, body: Dynamics, dt: float, frames: int) -> None:
+        mesh, material = body.mesh, material_of(body.mesh)
+        lam, mu = material.lame
+        wave = np.sqrt(mesh.volumes @ (lam + 2 * mu) / mesh.mass)
+        size = 6 * mesh.volume / face_areas(mesh.points, mesh.boundary.faces).sum()
+        self.body, self.dt = body, dt
+        self.parts = int(np.ceil(dt * PARTS * wave / (2 * size)))
+        self.left = MOST_STEPS * frames if self.parts <= MOST_PARTS else 0
+        self.halved, self._lost, self._given, self._barrier = 0, 0.0, 0.0, 0.0
+        self._forces: list[np.ndarray] = []
+
+    def frame(self) -> Motion:
+        """The state a frame later."""
+        body, before = self.body, self.body.kept
+        lost = self._step(self.dt)
+        again = lost > LOSSY * self._given and 1 < self.parts <= self.left
+        if again and body.contact.surfaces:
+            self.left -= self.parts
+            scheme, body.scheme, body.kept = body.scheme, Scheme.BDF2, before
+            del self._forces[-1:]
+            lost = max(self._step(self.dt / self.parts) for _ in range(self.parts))
+            body.scheme = scheme
+        self._lost = max(self._lost, lost / self._given if self._given else 0.0)
+        return body.state
+
+    def _step(self, dt: float) -> float:
+        """Energy [J] that a step lost, but to friction, where an obstacle is met."""
+        body, before = self.body, self.body.state
+        after = body.step(dt)
+        self.halved += body._dt != dt
+        own = [s.kinetic + s.elastic + s.barrier for s in (before, after)]
+        self._given = max(self._given, *own)
+        self._barrier = max(self._barrier, after.barrier)
+        self._forces.append(np.linalg.norm(after.obstacle_force, axis=1))
+        if not (body.contact.surfaces and (before.barrier or after.barrier)):
+            return 0.0
+        return before.energy - after.energy - body.contact.rubbed(after.u)
+
+    @property
+    def impact(self) -> Impact | None:
+        """How obstacles were met until now; None where there are none."""
+        if not self.body.contact.surfaces:
+            return None
+        forces = np.pad(np.stack(self._forces), ((1, 1), (0, 0)))
+        beside = (forces[:-2] + forces[2:]) / 2
+        largest = forces.max(axis=0)
+        rough = (forces[1:-1] - beside).max(axis=0) / np.where(largest > 0, largest, 1.0)
+        barrier = self._barrier / self._given if self._given else 0.0
+        return Impact(largest, self._lost, barrier, float(rough.max()))
+
+
 class DynamicMethod:
     """Motion of a scene under the neo-Hookean law, by default with elements that do not lock."""
 
@@ -280,10 +357,9 @@ class DynamicMethod:
             scheme=scheme,
             device=device,
         )
-        states, halved = [body.state], 0
+        states, pace = [body.state], ImpactSteps(body, dt, frames)
         for frame in range(1, frames + 1):
-            states.append(body.step(dt))
-            halved += body._dt != dt
+            states.append(pace.frame())
             if progress is not None:
                 progress(frame, frames)
         locks, notes = locking_fraction(scene.mesh) if order == 1 else 0.0, body.contact.notes
@@ -294,8 +370,9 @@ class DynamicMethod:
             order,
             locks,
             kept_apart=scene.self_contact and not notes,
-            notes=notes + halving_notes(halved, frames),
+            notes=notes + halving_notes(pace.halved, frames),
             stiffening=stiffening,
+            impact=pace.impact,
         )
 
 

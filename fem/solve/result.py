@@ -237,6 +237,38 @@ class Motion:
         return self.kinetic + self.elastic + self.potential + self.barrier
 
 
+# An impact is followed where no step loses more of the energy than the first of these, the barrier
+# never holds more of it than the second, and no force stands out of the steps beside it by more
+# than the third.
+IMPACT_LOST, IMPACT_BARRIER, IMPACT_ROUGH = 0.1, 0.1, 0.15
+
+
+class Impact(NamedTuple):
+    """How obstacles were met, in all steps that were taken.
+
+    ``forces`` (obstacles,) [N] are the largest of every obstacle. ``lost`` is the largest fraction
+    [1] of the energy that one step lost, but to friction; ``barrier`` that which the barrier of the
+    obstacles held, ``rough`` the force that stands out of the steps beside it, over the largest.
+    """
+
+    forces: np.ndarray
+    lost: float
+    barrier: float
+    rough: float
+
+    @property
+    def unresolved(self) -> str:
+        """What was not resolved: 'time', 'surface', 'force', or '' where these are to be trusted.
+
+        Its steps are too long; it is stiffer than the barrier around obstacles; forces are spikes.
+        """
+        if self.lost > IMPACT_LOST:
+            return "time"
+        if self.barrier > IMPACT_BARRIER:
+            return "surface"
+        return "force" if self.rough > IMPACT_ROUGH else ""
+
+
 @dataclass(frozen=True, eq=False)
 class MotionResult:
     """A body in motion.
@@ -254,6 +286,8 @@ class MotionResult:
         The particles, where the motion is theirs; whether all faces kept out of each other.
     notes, solution, model_error
         What was assumed; what solved it, as names and words; how far few coordinates are off.
+    impact
+        How well the meeting with obstacles was followed; None: not known.
 
     Examples
     --------
@@ -277,6 +311,7 @@ class MotionResult:
     solution: tuple[tuple[str, str], ...] = ()
     model_error: ModelError | None = None
     stiffening: float = np.nan
+    impact: Impact | None = None
 
     @property
     def displacements(self) -> Float[np.ndarray, "frames points 3"]:
