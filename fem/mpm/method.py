@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ..errors import UsageError
+from ..errors import InputError, UsageError
 from ..laws.law import Law
 from ..mesh import material_of
 from ..note import Note
@@ -206,6 +206,9 @@ class _Run:
         self.scene, self.treatment, self.room = scene, treatment, room
         self.solver, self.notes, self.time = None, tuple(notes), 0.0
         if not particles.held.all():
+            for number, obstacle in enumerate(scene.obstacles, 1):
+                if not obstacle.distance(particles.x[~particles.held]).gap.min() > 0:
+                    raise InputError("method.body_starts", number=number)
             walls = [Wall(shape=obstacle, friction=scene.friction) for obstacle in scene.obstacles]
             walls += [] if scene.ground is None else [Wall(shape=scene.ground)]
             walls += support_boundaries(mesh, held, particles.x, spacing, scene.duration)

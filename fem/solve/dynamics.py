@@ -11,7 +11,7 @@ import numpy as np
 from ..device import checked_device, one_thread
 from ..elements.assembly import discretise, node_supports
 from ..elements.elastic import ElasticBody, Response
-from ..elements.forces import load_vector, lumped_mass, node_counts, node_velocities
+from ..elements.forces import load_vector, lumped_mass, node_counts, node_velocities, weighing_mass
 from ..errors import ConvergenceError, InputError
 from ..laws.law import Law
 from ..linalg.solver import RepeatedSolver
@@ -102,7 +102,8 @@ class Dynamics:
         self.body = ElasticBody(grid, material_of(mesh), law)
         self.mass = lumped_mass(mesh, grid.space)
         self.held = node_supports(supports or Supports.none(len(mesh.points)), self.space)
-        self.load = self.mass[:, None] * checked_vector("gravity_vector", gravity_vector, "m/s^2")
+        weighing = weighing_mass(mesh, grid, self.held)
+        self.load = weighing[:, None] * checked_vector("gravity_vector", gravity_vector, "m/s^2")
         if forces is not None:
             rows = checked_rows("forces", forces, node_counts(self.space), "N")
             self.load[: len(rows)] += rows
@@ -120,6 +121,8 @@ class Dynamics:
         v = np.where(self.held.fixed, 0.0, node_velocities(velocity, self.space))
         if not (gap := self.contact.gap(u)) > 0:
             raise InputError("dynamics.body_starts", gap=-gap)
+        if (number := self.contact.inside()) is not None:
+            raise InputError("dynamics.obstacle_inside", number=number + 1)
         self._known: tuple[np.ndarray, Response] = (u, self.body.response(u))
         force = self.load - self.response(u).force - self.held.springs * u
         force += self.contact.forces(u, len(u))
@@ -229,6 +232,8 @@ class Dynamics:
 
     def _solve(self, step: Step) -> tuple[np.ndarray, int]:
         old, fixed = self.state.u, self.held.fixed
+        if self.contact.swept(old):
+            raise ConvergenceError("dynamics.obstacle_moves")
         start = np.where(fixed, old, self.contact.allowed(old))
         if not self.contact.gap(start) > 0:
             raise ConvergenceError("dynamics.obstacle_moves")
@@ -312,9 +317,9 @@ class ImpactSteps:
         if not self.body.contact.surfaces:
             return None
         forces = np.pad(np.stack(self._forces), ((1, 1), (0, 0)))
-        beside = (forces[:-2] + forces[2:]) / 2
-        largest = forces.max(axis=0)
-        rough = (forces[1:-1] - beside).max(axis=0) / np.where(largest > 0, largest, 1.0)
+        largest, peak = forces.max(axis=0), forces.argmax(axis=0).clip(1, len(forces) - 2)
+        beside = (forces[peak - 1] + forces[peak + 1]).diagonal() / 2
+        rough = (largest - beside) / np.where(largest > 0, largest, 1.0)
         barrier = self._barrier / self._given if self._given else 0.0
         return Impact(largest, self._lost, barrier, float(rough.max()))
 

@@ -238,8 +238,8 @@ class Motion:
 
 
 # An impact is followed where no step loses more of the energy than the first of these, the barrier
-# never holds more of it than the second, and no force stands out of the steps beside it by more
-# than the third.
+# never holds more of it than the second, and the largest force stands out of the steps beside it by
+# no more than the third.
 IMPACT_LOST, IMPACT_BARRIER, IMPACT_ROUGH = 0.1, 0.1, 0.15
 
 
@@ -248,7 +248,7 @@ class Impact(NamedTuple):
 
     ``forces`` (obstacles,) [N] are the largest of every obstacle. ``lost`` is the largest fraction
     [1] of the energy that one step lost, but to friction; ``barrier`` that which the barrier of the
-    obstacles held, ``rough`` the force that stands out of the steps beside it, over the largest.
+    obstacles held, ``rough`` what the largest force stands out by of the steps beside it [1].
     """
 
     forces: np.ndarray
