@@ -110,7 +110,9 @@ class MpmMethod:
         ------
         UsageError
             Where an ``order`` is asked for, which is for elements, a ``law`` that jelly here does
-            not have, or a substance of a part that there is not.
+            not have, a substance of a part that there is not, or plates close on a rigid body.
+        InputError
+            Where an obstacle starts in the body.
         MpmError
             Where the run fails.
         """
@@ -210,6 +212,9 @@ class _Run:
                 if not obstacle.distance(particles.x[~particles.held]).gap.min() > 0:
                     raise InputError("method.body_starts", number=number)
             walls = [Wall(shape=obstacle, friction=scene.friction) for obstacle in scene.obstacles]
+            if treatment.rigid and sum(wall.moves for wall in walls) > 1:
+                stiff = {particles.parts[i] for i in particles.part[particles.rigid >= 0]}
+                raise UsageError("method.rigid_squeezed", parts=", ".join(sorted(stiff)))
             walls += [] if scene.ground is None else [Wall(shape=scene.ground)]
             walls += support_boundaries(mesh, held, particles.x, spacing, scene.duration)
             # Whether it is jelly alone, held, and meets nothing: weights at rest forget nothing

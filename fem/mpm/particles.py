@@ -279,6 +279,8 @@ def without_cracks(
 
 # Pairs of tet and place that are tested at a time: 20 MB.
 PAIRS = 200_000
+# A region is missed by a regular grid whose places stand for less than this fraction of it.
+MISSED = 0.5
 # A place on a face is in a tet down to this barycentric coordinate.
 ON_FACE = -1e-9
 # Particles that a point follows: those around it in every direction.
@@ -309,7 +311,7 @@ def sample_tets(
     """Fill ``mesh`` with 8 particles a cell of a grid of ``spacing`` [m]; 64 in what is thin.
 
     ``bends`` are the regions that finer particles help: by default none. The volumes add up to that
-    of every region; a region that no place lies in gets its largest tet.
+    of every region; one that places hardly lie in has one in every cube that it meets.
     """
     # Thickness of the parts by volume over surface: half of a plate, a quarter of a rod
     thickness = np.full(len(mesh.region_names), np.inf)
@@ -327,15 +329,40 @@ def sample_tets(
             places.append(place)
             owners.append(owner)
     x, tet = np.concatenate(places), np.concatenate(owners)
-    for region in np.setdiff1d(np.unique(mesh.region), mesh.region[tet]):
-        largest = int(np.argmax(np.where(mesh.region == region, mesh.volumes, -1.0)))
-        x = np.concatenate([x, mesh.points[mesh.tets[largest]].mean(axis=0)[None]])
-        tet = np.append(tet, largest)
-    region = mesh.region[tet]
     volumes = np.bincount(mesh.region, mesh.volumes, len(mesh.region_names))
+    found = np.bincount(mesh.region[tet], minlength=len(mesh.region_names))
+    h = spacing / ALONG
+    for region in np.flatnonzero(np.maximum(found, 1e-9) * h**3 < MISSED * volumes):
+        # Thinner than the grid of places, and between its planes: one in every cube that it meets
+        own = np.flatnonzero(mesh.region == region)
+        kept = mesh.region[tet] != region
+        place, owner = _met_cubes(mesh, own, h)
+        x, tet = np.concatenate([x[kept], place]), np.concatenate([tet[kept], owner])
+    region = mesh.region[tet]
     counts = np.bincount(region, minlength=len(mesh.region_names))
     names = tuple(mesh.region_names[k] for k in np.flatnonzero(thin))
     return TetSample(x, tet, (volumes / np.maximum(counts, 1))[region], names)
+
+
+def _met_cubes(
+    mesh: TetMesh, tets: Int[np.ndarray, "some"], h: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """A place [m] of some tets in every cube of edge ``h`` [m] that they meet, and its tet."""
+    corners = mesh.points[mesh.tets[tets]]
+    edges = np.linalg.norm(corners[:, :, None] - corners[:, None], axis=3).max(axis=(1, 2))
+    places, owners = [], []
+    for n in np.unique(parts := np.ceil(2 * edges / h).astype(np.int64)):
+        some = np.flatnonzero(parts == n)
+        # Middles of the parts of a tet whose edges are divided by n
+        ids = np.stack(np.meshgrid(*[np.arange(n)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
+        ids = ids[ids.sum(axis=1) < n]
+        weights = np.column_stack([ids, n - 1 - ids.sum(axis=1)]) / n + 1 / (4 * n)
+        places.append(np.einsum("sk,tki->tsi", weights, corners[some]).reshape(-1, 3))
+        owners.append(np.repeat(tets[some], len(weights)))
+    x, owner = np.concatenate(places), np.concatenate(owners)
+    cube = np.floor((x - mesh.bounds[0]) / h).astype(np.int64)
+    _, first = np.unique(cube, axis=0, return_index=True)
+    return x[first], owner[first]
 
 
 def _grid_places(
