@@ -79,7 +79,7 @@ def with_named_walls(
 def _stated(asset: Asset, text: str) -> dict[str, float]:
     """Walls [m] of empty parts, by their names, as the built-in reader reads a text."""
     from ..fem.table import load_table
-    from ..predictors.text.interpreter import read_sentence
+    from ..predictors.text.reader import read_sentence
 
     labels = [(part.name, *part.labels) for part in asset.parts]
     bound = read_sentence(text, labels, load_table())

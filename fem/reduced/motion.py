@@ -11,6 +11,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -39,7 +40,7 @@ from ..scene.supports import Supports
 from ..solve.contact import Contact
 from ..solve.method import FrameProgress
 from ..solve.nonlinear import Point, minimise
-from ..solve.result import MOTION_LIMIT, ModelError, Motion
+from ..solve.result import MOTION_LIMIT, Impact, ModelError, Motion
 from ..solve.schemes import ROUND_OFF, Forecast, Kinematics, Scheme, Step
 from ..validation import checked_positive
 from .basis import linear_body, orthonormal_fields, principal_fields, whole_model
@@ -50,6 +51,15 @@ from .model import ReducedModel, Subspace
 # A motion that is off by more than the limit is followed again so often, with so many fields more:
 # the swing of a soft bonsai in 34 coordinates is 26 % off, in 46 then 8, in 58 2 %.
 ROUNDS, JOINING = 2, 12
+
+
+def impact_of(states: Sequence[Motion]) -> Impact:
+    """How obstacles were met in steps that each ended with one of ``states``, but the first."""
+    given = max(s.kinetic + s.elastic + s.barrier for s in states) or 1.0
+    forces = np.linalg.norm([s.obstacle_force for s in states], axis=2)
+    pairs = [(a, b) for a, b in pairwise(states) if a.barrier or b.barrier]
+    lost = max((a.energy - b.energy for a, b in pairs), default=0.0) / given
+    return Impact(forces.max(axis=0), lost, max(s.barrier for s in states) / given, 0.0)
 
 
 class Followed(NamedTuple):

@@ -316,7 +316,8 @@ class ImpactSteps:
         """How obstacles were met until now; None where there are none."""
         if not self.body.contact.surfaces:
             return None
-        forces = np.pad(np.stack(self._forces), ((1, 1), (0, 0)))
+        none = np.zeros_like(self._forces[0])  # before the first step; after the last it goes on
+        forces = np.stack([none, *self._forces, self._forces[-1]])
         largest, peak = forces.max(axis=0), forces.argmax(axis=0).clip(1, len(forces) - 2)
         beside = (forces[peak - 1] + forces[peak + 1]).diagonal() / 2
         rough = (largest - beside) / np.where(largest > 0, largest, 1.0)
