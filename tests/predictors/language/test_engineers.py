@@ -21,7 +21,8 @@ FORMS = {
     "1. housing EN AC-46000, 2 pcs\n2. shaft 42CrMo4 QT, 60 HRC": "housing shaft",
     "Item;Qty;Part;Material\n1;2;housing;EN AC-46000\n2;1;shaft;42CrMo4": "housing shaft",
     "part,material,qty\nhousing,EN AC-46000,1\nshaft,42CrMo4,1": "housing shaft",
-    "| part | material |\n|---|---|\n| housing | EN AC-46000 |\n| shaft | 42CrMo4 |": "housing shaft",
+    "| part | material |\n|---|---|\n| housing | EN AC-46000 |\n| shaft | 42CrMo4 |":
+        "housing shaft",
     "housing    EN AC-46000    RAL 9005\nshaft      42CrMo4    nitrided": "housing shaft",
     "Pos. Qty Name Material Std\n10 1 housing EN AC-46000 EN 1706\n20 1 shaft 42CrMo4 EN 10083":
         "housing shaft",
