@@ -29,7 +29,6 @@ from pathlib import Path
 os.environ.update({f"{name}_NUM_THREADS": "1" for name in ("OMP", "MKL", "OPENBLAS", "NUMEXPR")})
 
 import numpy as np
-
 from autophyx_tet.fem.elements.assembly import discretise, node_supports
 from autophyx_tet.fem.elements.elastic import displacement_gradients, linear_stress, von_mises
 from autophyx_tet.fem.elements.space import make_space

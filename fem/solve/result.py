@@ -39,12 +39,14 @@ PLACES = ("support edge", "inner corner", "interface end", "point load", "point 
 class SingularPlace(NamedTuple):
     """Connected points of a mesh where stress has no bound: it grows as the mesh is refined.
 
-    ``kind`` is one of ``PLACES``, ``centre`` (3,) [m] the mean of its points, ``exponent`` that of
-    the displacement by the distance [1], ``share`` what it has of the squared error in energy [1].
+    ``kind`` is one of ``PLACES``, ``centre`` (3,) [m] the mean of its points and ``radius`` [m] how
+    far they reach, ``exponent`` that of the displacement by the distance [1], ``share`` what it has
+    of the squared error in energy [1].
     """
 
     kind: str
     centre: tuple[float, ...]
+    radius: float
     exponent: float
     share: float
 

@@ -132,9 +132,9 @@ def _refined(scene: Scene, options: SimulateOptions, kind: str) -> Scene:
 
     percent = cast("float", options.refine)
     if kind != "statics" or options.order == 1:
-        raise UsageError("--refine is for bodies at rest, of quadratic elements")
+        raise UsageError("scenario.refine_rest")
     if not 0.01 <= percent <= 100:
-        raise UsageError(f"--refine {percent:g}: wanted a percentage of 0.01 to 100")
+        raise UsageError("scenario.refine_percent", percent=percent)
     refined = refine_scene(scene, percent / 100, device=options.device)
     before, after = len(scene.mesh.tets), len(refined.scene.mesh.tets)
     values: Any = {"before": before, "after": after, "error": refined.error, "goal": percent / 100}

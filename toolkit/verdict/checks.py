@@ -18,6 +18,8 @@ from ...fem.solve.result import (
     CUBIC,
     LOCKING,
     MOTION_LIMIT,
+    SAFETY,
+    DiscretisationError,
     LoadFactor,
     Modes,
     MotionResult,
@@ -53,6 +55,9 @@ VISIBLE = 0.005
 USUAL_DENSITY = ((0.3, 10.0, 23_000.0), (1.0, 10.0, 3_000.0), (np.inf, 10.0, 1_000.0))
 # Bulky: no side of the box is below this fraction of the longest.
 BULKY = 0.1
+# Where stress has no bound it grows by a third as edges are halved: thrice by an eighth of them. A
+# place reaches this much further than its points.
+UNBOUNDED, REACH = 3.0, 1.05
 # A part gives way below this safety factor; factors above the other are told as more than it.
 SAFE, SAFE_TOLD = 1.0, 1000.0
 
@@ -140,6 +145,9 @@ def first_frequency(modes: Modes) -> Check:
     value = float(modes.frequencies[0])
     passed, told = value >= WOBBLES, {"value": value, "limit": WOBBLES}
     said = Note("checks.is_stiff" if passed else "checks.wobbles", **told)
+    if passed and (1 - SAFETY * modes.error) * value < WOBBLES:
+        why = Note("checks.frequency_error", off=percent(modes.error))
+        return Check("first frequency", "doubtful", said, value, WOBBLES, "Hz", why=why)
     return Check("first frequency", _passed(passed), said, value, WOBBLES, "Hz")
 
 
@@ -204,14 +212,23 @@ def usual_mass(mesh: TetMesh) -> Check:
     return Check("mass", "failed", said, density, limit, "kg/m^3")
 
 
-def strength(safety: Safety) -> Check:
-    """Whether a part stands its stress."""
+def strength(safety: Safety, error: DiscretisationError | None = None) -> Check:
+    """Whether a part stands its stress, in doubt where the ``error`` of the mesh may be its own."""
     factor, place = safety.factor, ", ".join(f"{x:.3g}" for x in safety.place)
     passed, (does, limit) = factor >= SAFE, gives_way(safety)
     told = {"of": limit, "does": does, "times": times(factor), "past": 1 / factor, "at": place}
     said = Note("checks.strong" if passed else "checks.weak", **safety._asdict(), **told)
     where = {"part": safety.part, "place": safety.place}
-    return Check("strength", _passed(passed), said, factor, SAFE, **where)
+    outcome, why = _passed(passed), ""
+    if passed and error is not None and safety.place is not None:
+        from_centre = lambda p: float(np.linalg.norm(np.subtract(safety.place, p.centre)))  # noqa: E731
+        here = next((p for p in error.places if from_centre(p) <= REACH * p.radius), None)
+        if here is not None and factor < UNBOUNDED:
+            told = {"kind": here.kind, "share": percent(here.share)}
+            outcome, why = "doubtful", Note("checks.singular_stress", **told)
+        elif factor < 1 + 2 * error.stress:  # twice the rms covers the largest of 97 in 100
+            outcome, why = "doubtful", Note("checks.stress_error", off=percent(error.stress))
+    return Check("strength", outcome, said, factor, SAFE, **where, why=why)
 
 
 def gives_way(safety: Safety) -> tuple[str, str]:

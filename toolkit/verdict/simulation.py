@@ -281,7 +281,7 @@ class StaticSimulation(Simulation):
         checks = [
             *static_checks(self.solved, size_stated=self.size_stated, load_factors=softest),
             *stays_upright(self.solved, self.scene),
-            *map(strength, self.safety),
+            *(strength(one, self.solved.discretisation_error) for one in self.safety),
         ]
         if self.modes is not None:
             checks.append(first_frequency(self.modes))
