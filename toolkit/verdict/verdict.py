@@ -127,16 +127,18 @@ def with_doubts(checks: Sequence[Check]) -> list[Check]:
         words = [template(f"named.{name.replace(' ', '_')}") or name for name in names]
         return ", ".join(dict.fromkeys(words))
 
-    unsure, found, causes = {one.name for one in checks if one.outcome != "passed"}, [], {}
+    unsure, found = {one.name for one in checks if one.outcome != "passed"}, []
+    causes: list[str] = []
+    doubted: list[str] = []
     for one in checks:
         why = [name for name in RESTS_ON.get(one.name, ()) if name in unsure]
         if why and one.outcome == "passed":
             one = replace(one, outcome="doubtful", why=named(why))
-            causes |= dict.fromkeys(why)
+            causes += why
+            doubted.append(one.name)
         found.append(one)
     if causes:
-        doubted = named(one.name for one in found if one.why and one.outcome == "doubtful")
-        said = Note("checks.in_doubt", causes=named(causes), doubted=doubted)
+        said = Note("checks.in_doubt", causes=named(causes), doubted=named(doubted))
         found.append(Check("doubts", "doubtful", said))
     return found
 
