@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -23,11 +23,15 @@ class Traction(NamedTuple):
         Force per area [Pa], shape (faces, 3), or (3,) for all.
     name
         What it is, in words.
+    follows
+        'pressure' or 'torque' where it turns with its faces: it stays across them, or its moment
+        stays; '': a dead load.
     """
 
     faces: np.ndarray
     value: np.ndarray
     name: str = ""
+    follows: Literal["", "pressure", "torque"] = ""
 
 
 class Resultant(NamedTuple):
@@ -67,7 +71,8 @@ def pressure(mesh: TetMesh, faces: Int[np.ndarray, "faces 3"], value: float) -> 
     >>> bool(abs(load.value.sum(axis=0)).max() < 1e-9)  # on a closed surface it has no force
     True
     """
-    return Traction(faces, -value * face_normals(mesh.points, faces))
+    normals = face_normals(mesh.points, faces)
+    return Traction(faces, -value * normals, follows="pressure")
 
 
 def spread_force(
@@ -136,7 +141,16 @@ def spread_torque(
     >>> bool(abs(load.value.sum(axis=0)).max() < 1e-12)  # faces of one size: no force
     True
     """
-    areas, arms = _arms(mesh, faces)
+    return Traction(faces, turning_traction(mesh.points, faces, torque), follows="torque")
+
+
+def turning_traction(
+    points: Float[np.ndarray, "points 3"],
+    faces: Int[np.ndarray, "faces 3"],
+    torque: Sequence[float] | np.ndarray,
+) -> Float[np.ndarray, "faces 3"]:
+    """Traction [Pa] of ``spread_torque`` on faces whose ``points`` are there [m]."""
+    areas, arms = _arms(points, faces)
     square = (areas * (arms**2).sum(axis=1)).sum()
     moments = square * np.eye(3) - np.einsum("f,fi,fj->ij", areas, arms, arms)
     total = np.asarray(torque, dtype=float)
@@ -144,20 +158,20 @@ def spread_torque(
     # A moment of the line about itself is round-off, 1e-16 of the others: 1e-9 lies far from both.
     if not (square > 0 and np.allclose(moments @ spin, total, atol=1e-9 * abs(total).max())):
         raise InputError("loads.torque_about", count=len(faces))
-    return Traction(faces, np.cross(spin, arms))
+    return np.cross(spin, arms)
 
 
 def resultant(mesh: TetMesh, load: Traction) -> Resultant:
     """Total force, torque about the centroid of its faces, centroid and area of a load."""
-    areas, arms = _arms(mesh, load.faces)
+    areas, arms = _arms(mesh.points, load.faces)
     each = np.broadcast_to(load.value, (len(load.faces), 3)) * areas[:, None]
     middle = mesh.points[load.faces].mean(axis=1)[0] - arms[0]
     return Resultant(each.sum(axis=0), np.cross(arms, each).sum(axis=0), middle, float(areas.sum()))
 
 
 def _arms(
-    mesh: TetMesh, faces: Int[np.ndarray, "faces 3"]
+    points: Float[np.ndarray, "points 3"], faces: Int[np.ndarray, "faces 3"]
 ) -> tuple[Float[np.ndarray, "faces"], Float[np.ndarray, "faces 3"]]:
     """Area [m^2] of every face, and the way [m] to its middle from the centroid of them all."""
-    areas, middles = face_areas(mesh.points, faces), mesh.points[faces].mean(axis=1)
+    areas, middles = face_areas(points, faces), points[faces].mean(axis=1)
     return areas, middles - areas @ middles / areas.sum()

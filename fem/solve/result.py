@@ -5,8 +5,8 @@ A method of solution returns one of the three, whichever way it found it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import NamedTuple
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -17,6 +17,9 @@ from ..mesh import TetMesh, material_of
 from ..note import Note
 from ..scene.scene import Scene
 from .self_contact import ContactPressures, PieceForce
+
+if TYPE_CHECKING:
+    from .path import Path
 
 # Poisson's ratio beyond which P1 tets answer too stiffly: use order 2.
 LOCKING = 0.4
@@ -82,6 +85,8 @@ class StaticResult:
         Relative residual of the linear system, and iterations (0: direct).
     solver
         What solved the linear system, and what was tried before in vain.
+    path
+        The ``Path`` of rests that led there as the load grew, where one was followed.
 
     Examples
     --------
@@ -106,6 +111,7 @@ class StaticResult:
     residual: float
     iterations: int
     solver: str = ""
+    path: Path | None = field(default=None, repr=False)
 
     @property
     def order(self) -> int:

@@ -1,0 +1,97 @@
+"""Loads that turn with the faces they act on: pressures and torques, and what they stiffen."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from ..mesh import TetMesh, face_areas, face_normals
+from ..scene.loads import Traction, resultant, turning_traction
+from .forces import edge_nodes
+from .space import Space
+
+# Gauss points along a side of a triangle, by Duffy's map: exact to degree 5, that of N dx x dx.
+GAUSS = 3
+
+
+class _Pressed(NamedTuple):
+    """``pressure`` (faces,) [Pa] on the ``nodes`` (faces, k) of faces."""
+
+    nodes: Int[np.ndarray, "faces k"]
+    pressure: Float[np.ndarray, "faces"]
+
+
+class FollowingLoads:
+    """Those of ``tractions`` that follow their faces, on the nodes of ``space``."""
+
+    def __init__(self, mesh: TetMesh, space: Space, tractions: Sequence[Traction]) -> None:
+        self.rest, self.pressed, self.turned = space.nodes, [], []
+        for load in tractions:
+            faces = np.asarray(load.faces)
+            nodes = faces
+            if space.order == 2:
+                ends = faces[:, [[0, 1], [1, 2], [2, 0]]]
+                nodes = np.hstack([faces, edge_nodes(space, ends)])
+            if load.follows == "pressure":
+                value = np.broadcast_to(load.value, faces.shape)
+                p = -np.einsum("fd,fd->f", value, face_normals(mesh.points, faces))
+                self.pressed.append(_Pressed(nodes, p))
+            elif load.follows == "torque":
+                carrying = nodes[:, 3:] if space.order == 2 else faces  # as ``traction_force``
+                self.turned.append((faces, carrying, resultant(mesh, load).torque))
+        # Shape functions (points, k) and their derivatives (points, k, 2) at weighted points
+        t, w = np.polynomial.legendre.leggauss(GAUSS)
+        t, w = (t + 1) / 2, w / 2
+        a, b = (x.ravel() for x in np.meshgrid(t, t, indexing="ij"))
+        self.weights = np.outer(w, w).ravel() * (1 - a)
+        L = np.stack([1 - a - (1 - a) * b, a, (1 - a) * b], axis=1)
+        D = np.array([[-1.0, -1.0], [1.0, 0.0], [0.0, 1.0]])
+        self.N, self.D = L, np.broadcast_to(D, (len(L), 3, 2))
+        if space.order == 2:
+            i, j = [0, 1, 2], [1, 2, 0]
+            self.N = np.hstack([L * (2 * L - 1), 4 * L[:, i] * L[:, j]])
+            edges = 4 * (L[:, i, None] * D[j] + L[:, j, None] * D[i])
+            self.D = np.concatenate([(4 * L - 1)[:, :, None] * D, edges], axis=1)
+
+    def __bool__(self) -> bool:
+        """Whether anything follows."""
+        return bool(self.pressed or self.turned)
+
+    def force(self, u: Float[np.ndarray, "nodes 3"]) -> Float[np.ndarray, "nodes 3"]:
+        """Nodal forces [N] at the displacement ``u`` [m]."""
+        total, x = np.zeros_like(u), self.rest + u
+        for nodes, p in self.pressed:
+            across = np.cross(*np.einsum("qks,fkd->sfqd", self.D, x[nodes]))
+            np.add.at(total, nodes, -np.einsum("f,q,qk,fqd->fkd", p, self.weights, self.N, across))
+        for faces, carrying, torque in self.turned:
+            areas = face_areas(x, faces)
+            each = turning_traction(x, faces, torque) * areas[:, None] / 3
+            np.add.at(total, carrying, each[:, None])
+        return total
+
+    def stiffness(
+        self, u: Float[np.ndarray, "nodes 3"]
+    ) -> tuple[Int[np.ndarray, "n"], Int[np.ndarray, "n"], Float[np.ndarray, "n 3 3"]]:
+        """Minus the derivative of the force of pressures [N/m]: nodes i, j, and their blocks.
+
+        Its symmetric part, which is all of it where the edge of what is pressed is held or there is
+        none. A torque that turns has none but a skew one.
+        """
+        parts, x = [], self.rest + u
+        for nodes, p in self.pressed:
+            along, other = np.einsum("qks,fkd->sfqd", self.D, x[nodes])
+            # d(along x other) = -[other] d along + [along] d other, with [v] w = v x w
+            skew = lambda v: np.cross(np.eye(3), v[..., None, :])  # noqa: E731
+            change = -np.einsum("qb,fqij->fqbij", self.D[..., 0], skew(other))
+            change += np.einsum("qb,fqij->fqbij", self.D[..., 1], skew(along))
+            blocks = np.einsum("f,q,qa,fqbij->fabij", p, self.weights, self.N, change)
+            blocks = (blocks + blocks.transpose(0, 2, 1, 4, 3)) / 2
+            i, j = np.broadcast_arrays(nodes[:, :, None], nodes[:, None, :])
+            parts.append((i.ravel(), j.ravel(), blocks.reshape(-1, 3, 3)))
+        if not parts:
+            return np.zeros(0, dtype=int), np.zeros(0, dtype=int), np.zeros((0, 3, 3))
+        i, j, blocks = (np.concatenate(part) for part in zip(*parts, strict=True))
+        return i, j, blocks
