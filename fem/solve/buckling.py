@@ -62,9 +62,8 @@ def find_load_factor(
     free[grid.space.unused] = False
     K_sigma = geometric_stiffness(grid, stress)
     start = np.where(free, np.random.default_rng(0).normal(size=free.shape), 0.0)
-    follows = FollowingLoads(result.mesh, grid.space, traction).stiffness(
-        0 * result.node_displacement
-    )
+    following = FollowingLoads(result.mesh, grid.space, traction)
+    i, j, turning = following.stiffness(np.zeros_like(start))
 
     def push(x: np.ndarray) -> np.ndarray:
         """Force [N] that all that acts makes of a displacement ``x`` [m]."""

@@ -158,7 +158,7 @@ def _beyond_linear(linear: StaticResult, scene: Scene) -> Note | None:
     third = solve((odd - ElasticBody(grid, material, Law.LINEAR).response(u).force) / e**2)
     change = np.abs(np.linalg.norm(u + second + third, axis=1) - sizes).max() / sizes.max()
     if not change <= LINEAR_CHANGE:
-        return Note("equilibrium.linear_changes", change=change, limit=LINEAR_CHANGE)
+        return Note("equilibrium.linear_changes", limit=LINEAR_CHANGE)
     return None
 
 

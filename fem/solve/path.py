@@ -51,8 +51,10 @@ FAILURES, MOST_FAILURES = 2, 6
 NEAR, CERTAIN = 1e-3, 4
 # Points that a step is foreseen from.
 POINTS = 3
-# Step of the load by which the tangent is differenced; load factors below so much are followed to.
-CHANGE, FOLLOWED = 1e-4, 3.0
+# Step of the load by which the tangent is differenced; load factors below so much are followed to,
+# and below more where the softest way takes this share of the work of the load: tangents fall much
+# faster than linearly to where a path turns back.
+CHANGE, FOLLOWED, FOLLOWED_TURN, TURNS = 1e-4, 3.0, 15.0, 0.1
 # Vibrations that tell how near it is to buckling, found to this share in at most so many blocks.
 SLOWEST, SETTLED, MOST_BLOCKS = 6, 1e-2, 12
 # CG's relative residual where no factor is affordable.
@@ -310,13 +312,18 @@ class Path:
         x = pairs.vectors(SLOWEST) * np.sqrt(np.abs(pairs.values[:SLOWEST]))  # x . K x is one
         falls = x.T @ (_each(here.times, x) - _each(ahead.times, x)) / CHANGE
         rates, along = np.linalg.eigh((falls + falls.T) / 2)
-        shape = (x @ along[:, -1]).reshape(-1, 3)[: self.grid.space.points]
+        shape_of_all = (x @ along[:, -1]).reshape(-1, 3)
+        shape = shape_of_all[: self.grid.space.points]
         if not 1 / LARGEST < rates[-1]:
             return LoadFactor(np.inf, np.zeros_like(shape))
         factor = rest.fraction + 1 / float(rates[-1])
-        if factor < FOLLOWED * rest.fraction:
+        # The load works on a way that it turns back on, and not on one that another path takes
+        work = float((shape_of_all * self.load(rest.u)).sum())
+        turns = work**2 > TURNS * float((rest.rate * self.load(rest.u)).sum())
+        goal = rest.fraction * (FOLLOWED_TURN if turns else FOLLOWED)
+        if factor < goal:
             try:
-                self.follow_arc(FOLLOWED * rest.fraction)
+                self.follow_arc(goal)
                 factor = self.end if np.isfinite(self.end) else max(factor, self.rests[-1].fraction)
             except ConvergenceError as error:
                 logger.info("the estimate of the load factor stays: %s", error)

@@ -335,6 +335,10 @@ class Modes:
         Nodes' displacement of unit modal mass, shape (modes, nodes, 3); the mesh points come first.
     residual
         Largest |K x - w^2 M x| / |w^2 M x| of the modes, with w at least a wave's across the body.
+    order, loaded
+        Order of the elements; whether they are those of the body under its load.
+    free
+        Motions that meet no resistance, besides those of a body that nothing holds.
 
     Examples
     --------
@@ -350,6 +354,9 @@ class Modes:
     frequencies: Float[np.ndarray, "modes"]
     shapes: Float[np.ndarray, "modes nodes 3"]
     residual: float
+    order: int = 2
+    loaded: bool = False
+    free: int = 0
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -184,14 +184,21 @@ def stays_upright(result: SagResult, scene: Scene) -> tuple[Check, ...]:
     return (Check("upright", passed, inside, 0.0, f"It {does}: {said}."),)
 
 
-def first_frequency(modes: Modes) -> Check:
-    """Whether the body rings rather than wobbles."""
+def first_frequency(modes: Modes | None, why: str = "") -> Check:
+    """Whether the body rings rather than wobbles; without modes ``why`` is told."""
+    if modes is None:
+        said = f"How it vibrates was not found: {why}."
+        return Check("first frequency", False, np.nan, WOBBLES, said, made=False)
     value = float(modes.frequencies[0])
-    passed = value >= WOBBLES
+    passed = value >= WOBBLES and not modes.free
     does = "is stiff" if passed else "wobbles"
+    does = f"moves freely in {modes.free} ways, which nothing resists" if modes.free else does
+    under = " under its load" if modes.loaded else ""
+    doubt = "" if modes.order == 2 else "Linear elements are too stiff: it is lower."
     return Check(
         "first frequency", passed, value, WOBBLES,
-        f"It {does}: its first natural frequency is {value:.3g} Hz (limit {WOBBLES:g} Hz).",
+        f"It {does}: its first natural frequency{under} is {value:.3g} Hz (limit {WOBBLES:g} Hz).",
+        doubt=doubt,
     )  # fmt: skip
 
 

@@ -181,6 +181,7 @@ class StaticSimulation(Simulation):
 
     solved: SagResult
     modes: Modes | None = None
+    modes_unmade: str = ""
 
     kind = "sag"
 
@@ -209,6 +210,7 @@ class StaticSimulation(Simulation):
             "reaction": static.reaction.sum(axis=0),
             "frequencies": self.frequencies,
             "order": static.order,
+            "law": static.law,
             "gap": self.solved.discretisation_error,
             "residual": static.residual,
             "iterations": static.iterations,
@@ -282,8 +284,8 @@ class StaticSimulation(Simulation):
             *stays_upright(self.solved, self.scene),
             *map(strength, self.safety),
         ]
-        if self.modes is not None:
-            checks.append(first_frequency(self.modes))
+        if self.modes is not None or self.modes_unmade:
+            checks.append(first_frequency(self.modes, self.modes_unmade))
         if self.intervals is not None:
             checks.append(span_of_answers(*self.intervals.values()))
         return with_unmade(checks)
