@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from ..mesh import TetMesh, face_areas, face_normals
 from ..scene.loads import Traction, resultant, turning_traction
@@ -17,17 +17,33 @@ from .space import Space
 GAUSS = 3
 
 
+# A pressure with a free edge has an energy but for what happens there: the edge gives its stiffness
+# a skew part of more than round-off. Where it pushes one way by more than this fraction, as on the
+# end of a column, the edge is all that matters: its stiffness is left out.
+ROUND_OFF, ONE_WAY = 1e-9, 0.5
+
+
 class _Pressed(NamedTuple):
-    """``pressure`` (faces,) [Pa] on the ``nodes`` (faces, k) of faces."""
+    """``pressure`` (faces,) [Pa] on the ``nodes`` (faces, k) of faces, and if it has an energy."""
 
     nodes: Int[np.ndarray, "faces k"]
     pressure: Float[np.ndarray, "faces"]
+    conserves: bool = True
 
 
 class FollowingLoads:
-    """Those of ``tractions`` that follow their faces, on the nodes of ``space``."""
+    """Those of ``tractions`` that follow their faces, on the nodes of ``space``.
 
-    def __init__(self, mesh: TetMesh, space: Space, tractions: Sequence[Traction]) -> None:
+    ``fixed`` (nodes, 3) are the components that are held.
+    """
+
+    def __init__(
+        self,
+        mesh: TetMesh,
+        space: Space,
+        tractions: Sequence[Traction],
+        fixed: Bool[np.ndarray, "nodes 3"],
+    ) -> None:
         self.rest, self.pressed, self.turned = space.nodes, [], []
         for load in tractions:
             faces = np.asarray(load.faces)
@@ -56,6 +72,15 @@ class FollowingLoads:
             edges = 4 * (L[:, i, None] * D[j] + L[:, j, None] * D[i])
             self.D = np.concatenate([(4 * L - 1)[:, :, None] * D, edges], axis=1)
 
+        free = ~fixed.ravel()
+        for number, load in enumerate(self.pressed):
+            K = self._stiffness(load, np.zeros_like(space.nodes))[free][:, free]
+            closed = abs(K - K.T).sum() <= ROUND_OFF * abs(K).sum()
+            areas = face_areas(mesh.points, load.nodes[:, :3])
+            ways = areas[:, None] * face_normals(mesh.points, load.nodes[:, :3])
+            closed |= np.linalg.norm(ways.sum(axis=0)) <= ONE_WAY * areas.sum()
+            self.pressed[number] = load._replace(conserves=bool(closed))
+
     def __bool__(self) -> bool:
         """Whether anything follows."""
         return bool(self.pressed or self.turned)
@@ -63,7 +88,7 @@ class FollowingLoads:
     def force(self, u: Float[np.ndarray, "nodes 3"]) -> Float[np.ndarray, "nodes 3"]:
         """Nodal forces [N] at the displacement ``u`` [m]."""
         total, x = np.zeros_like(u), self.rest + u
-        for nodes, p in self.pressed:
+        for nodes, p, _ in self.pressed:
             across = np.cross(*np.einsum("qks,fkd->sfqd", self.D, x[nodes]))
             np.add.at(total, nodes, -np.einsum("f,q,qk,fqd->fkd", p, self.weights, self.N, across))
         for faces, carrying, torque in self.turned:
@@ -80,18 +105,27 @@ class FollowingLoads:
         Its symmetric part, which is all of it where the edge of what is pressed is held or there is
         none. A torque that turns has none but a skew one.
         """
-        parts, x = [], self.rest + u
-        for nodes, p in self.pressed:
-            along, other = np.einsum("qks,fkd->sfqd", self.D, x[nodes])
-            # d(along x other) = -[other] d along + [along] d other, with [v] w = v x w
-            skew = lambda v: np.cross(np.eye(3), v[..., None, :])  # noqa: E731
-            change = -np.einsum("qb,fqij->fqbij", self.D[..., 0], skew(other))
-            change += np.einsum("qb,fqij->fqbij", self.D[..., 1], skew(along))
-            blocks = np.einsum("f,q,qa,fqbij->fabij", p, self.weights, self.N, change)
-            blocks = (blocks + blocks.transpose(0, 2, 1, 4, 3)) / 2
-            i, j = np.broadcast_arrays(nodes[:, :, None], nodes[:, None, :])
-            parts.append((i.ravel(), j.ravel(), blocks.reshape(-1, 3, 3)))
-        if not parts:
+        total = sum(self._stiffness(load, u) for load in self.pressed if load.conserves)
+        if not self.pressed or isinstance(total, int):
             return np.zeros(0, dtype=int), np.zeros(0, dtype=int), np.zeros((0, 3, 3))
-        i, j, blocks = (np.concatenate(part) for part in zip(*parts, strict=True))
-        return i, j, blocks
+        blocks = ((total + total.T) / 2).tobsr((3, 3))
+        rows = np.repeat(np.arange(len(u)), np.diff(blocks.indptr))
+        return rows, blocks.indices, blocks.data
+
+    def _stiffness(self, load: _Pressed, u: np.ndarray) -> Any:
+        """Minus the derivative of the force of one pressure [N/m], a csr_array (3 nodes, 3 nodes).
+
+        d(along x other) = [along] d other - [other] d along, with [v] w = v x w.
+        """
+        from scipy.sparse import csr_array
+
+        nodes, p, _ = load
+        along, other = np.einsum("qks,fkd->sfqd", self.D, (self.rest + u)[nodes])
+        skew = lambda v: np.cross(np.eye(3), v[..., None, :])  # noqa: E731
+        change = np.einsum("qb,fqij->fqbij", self.D[..., 1], skew(along))
+        change -= np.einsum("qb,fqij->fqbij", self.D[..., 0], skew(other))
+        blocks = np.einsum("f,q,qa,fqbij->faibj", p, self.weights, self.N, change)
+        unknowns = 3 * nodes[..., None] + np.arange(3)
+        i, j = np.broadcast_arrays(unknowns[..., None, None], unknowns[:, None, None])
+        shape = (self.rest.size, self.rest.size)
+        return csr_array((blocks.ravel(), (i.ravel(), j.ravel())), shape=shape)

@@ -62,7 +62,7 @@ def find_load_factor(
     free[grid.space.unused] = False
     K_sigma = geometric_stiffness(grid, stress)
     start = np.where(free, np.random.default_rng(0).normal(size=free.shape), 0.0)
-    following = FollowingLoads(result.mesh, grid.space, traction)
+    following = FollowingLoads(result.mesh, grid.space, traction, held.fixed)
     i, j, turning = following.stiffness(np.zeros_like(start))
 
     def push(x: np.ndarray) -> np.ndarray:

@@ -95,7 +95,7 @@ class Vibrations(NamedTuple):
         matrix.values.assign(values)
         if rest is not None:
             lies = rest.node_displacement * (rest.law != Law.LINEAR)
-            following = FollowingLoads(self.mesh, self.grid.space, self.tractions)
+            following = FollowingLoads(self.mesh, self.grid.space, self.tractions, self.held.fixed)
             add_blocks(matrix, *following.stiffness(lies))
             apply_supports(matrix, self.held.fixed, self.held.springs)
             return matrix

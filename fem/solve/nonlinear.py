@@ -318,7 +318,7 @@ def solve_nonlinear(
     elastic = ElasticBody(grid, material_of(mesh), law)
     nodes = grid.space.nodes
     tractions = [traction] if isinstance(traction, Traction) else traction
-    following = FollowingLoads(mesh, grid.space, tractions)
+    following = FollowingLoads(mesh, grid.space, tractions, held.fixed)
 
     def linear(matrix: BlockMatrix, b: np.ndarray, goal: float) -> np.ndarray:
         held_at = {"points": nodes, "fixed": held.fixed, "edges": grid.space.edges}
