@@ -57,8 +57,8 @@ def predict_materials(
         if samples and not kind.takes_samples:
             able = " or ".join(name for name in PREDICTORS if PREDICTORS[name].takes_samples)
             raise UsageError("assign.samples_finds", predictor=predictor, able=able)
-        options = {"table": table, "samples": samples or None}
-        predictor = kind(**{name: value for name, value in options.items() if value is not None})
+        options = {"table": table, "samples": samples}
+        predictor = kind(**{name: value for name, value in options.items() if value})
     table = table or load_table()
     settled = lookup_of(table).settle(
         parts.part_labels, bound, overrides=overrides, materials=materials, values=values,
@@ -69,16 +69,9 @@ def predict_materials(
         # The usual material of its kind where no word of text or name decided it
         kind, material = (usual or {}).get(choice.part, ("", ""))
         if material and choice.guessed and not choice.clause and choice.understood:
-            row = table.exact(material)
-            choices[i] = PartChoice(
-                choice.part,
-                row,
-                row.value(choice.alpha),
-                1.0,
-                choice.alpha,
-                Note("assign.usual", kind=kind),
-                guessed=True,
-            )
+            row, why = table.exact(material), Note("assign.usual", kind=kind)
+            value, alpha_of = row.value(choice.alpha), choice.alpha
+            choices[i] = PartChoice(choice.part, row, value, 1.0, alpha_of, why, guessed=True)
     made = Prediction.of(parts, choices, bound.sentence, alpha=alpha)
     if left_open := [i for i, c in enumerate(choices) if not c.settled and i in parts.part]:
         if alpha is not None and not predictor.takes_alpha:

@@ -14,6 +14,8 @@ from ..elements.elastic import ElasticBody, displacement_gradients
 from ..elements.space import CENTROID
 from ..errors import ConvergenceError, UsageError
 from ..laws.law import LAWS, Law
+from ..linalg.cholesky import planned_elimination
+from ..linalg.solver import MOST_ENTRIES
 from ..mesh import material_of
 from ..note import Note
 from ..scene.obstacles import Plane
@@ -181,7 +183,9 @@ def _followed(
 ) -> tuple[StaticResult, bool]:
     """Rest under the finite ``law`` and whether to trust it; ``linear`` where none was found."""
     title, unknowns = LAWS[law].title, linear.node_displacement.size
-    if unknowns > FOLLOWED:
+    grid = discretise(scene.mesh, linear.order)
+    plan = planned_elimination(grid.pattern, grid.space.edges)
+    if unknowns > FOLLOWED or plan.entries > MOST_ENTRIES:
         warnings.append(Note("equilibrium.too_large", why=why, unknowns=unknowns, most=FOLLOWED))
         return linear, False
     relaxation = unknowns <= RELAXED
@@ -190,6 +194,8 @@ def _followed(
         static = solve(relaxation=relaxation)
         ground = _lowered(scene)
         if ground and not ground.distance(scene.mesh.points + static.displacement).gap.min() > 0:
+            if static.path is not None and static.path.end < 1:
+                raise ConvergenceError("equilibrium.falls_over", end=static.path.end)
             why = Note("equilibrium.linear_answer_sinks")
             static = solve(obstacles=(ground,), relaxation=relaxation)
     except ConvergenceError as error:

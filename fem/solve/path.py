@@ -36,7 +36,7 @@ logger = logging.getLogger(__name__)
 
 # Newton steps of a load step. A path is given up after so many factors, or as many as take so many
 # operations, some minutes of a core.
-STEPS, MOST_FACTORS, LEAST_FACTORS, BUDGET = 12, 250, 30, 3e12
+STEPS, MOST_FACTORS, LEAST_FACTORS, BUDGET = 12, 250, 30, 1e12
 # A load step grows where Newton took fewer steps than this, at most so many times.
 EASY, GROWTH, SHORTER = 8, 3.0, 0.4
 # A step of Newton below this share of the displacement is the last: the next would be its square.
@@ -271,10 +271,17 @@ class Path:
             step *= float(np.clip(EASY / taken, 1.0, GROWTH))
 
     def slowest_modes(self) -> RitzPairs:
-        """Slowest vibrations of the last rest, shapes (3 nodes, modes), with the lumped mass."""
-        rest, free = self.rests[-1], ~self.held.fixed
+        """Slowest vibrations of the last stable rest, (3 nodes, modes), with the lumped mass."""
+        free = ~self.held.fixed
         free[self.grid.space.unused] = False
-        inverse, _ = self.tangent(rest.u, rest.fraction, None)
+        for rest in reversed(self.rests):  # the last may be a little beyond where it is stable
+            try:
+                inverse, _ = self.tangent(rest.u, rest.fraction, None)
+                break
+            except NotPositive:
+                continue
+        else:
+            raise ConvergenceError("path.no_start")
         mass = np.where(free, lumped_mass(self.mesh, self.grid.space)[:, None], 0.0).reshape(-1, 1)
         start = np.random.default_rng(0).normal(size=(len(mass), SLOWEST)) * free.reshape(-1, 1)
         return lanczos(
@@ -309,7 +316,8 @@ class Path:
         ahead = self.free_tangent(rest.u + CHANGE * rest.rate, rest.fraction + CHANGE)
         here = self.free_tangent(rest.u, rest.fraction)
         pairs = self.slowest_modes()
-        x = pairs.vectors(SLOWEST) * np.sqrt(np.abs(pairs.values[:SLOWEST]))  # x . K x is one
+        values = pairs.values[:SLOWEST]
+        x = pairs.vectors(len(values)) * np.sqrt(np.abs(values))  # x . K x is one
         falls = x.T @ (_each(here.times, x) - _each(ahead.times, x)) / CHANGE
         rates, along = np.linalg.eigh((falls + falls.T) / 2)
         shape_of_all = (x @ along[:, -1]).reshape(-1, 3)
@@ -332,4 +340,4 @@ class Path:
 
 def _each(of: Callable[[np.ndarray], np.ndarray], x: np.ndarray) -> np.ndarray:
     """What ``of`` makes of every column of ``x`` (3 nodes, n), as columns."""
-    return np.stack([of(v.reshape(-1, 3)).ravel() for v in x.T], axis=1)
+    return np.stack([of(v.reshape(-1, 3)).ravel() for v in x.T], axis=1) if x.shape[1] else x

@@ -6,7 +6,7 @@ A method of solution returns one of the three, whichever way it found it.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -17,9 +17,6 @@ from ..mesh import TetMesh, material_of
 from ..note import Note
 from ..scene.scene import Scene
 from .self_contact import ContactPressures, PieceForce
-
-if TYPE_CHECKING:
-    from .path import Path
 
 # Poisson's ratio beyond which P1 tets answer too stiffly: use order 2.
 LOCKING = 0.4
@@ -86,7 +83,7 @@ class StaticResult:
     solver
         What solved the linear system, and what was tried before in vain.
     path
-        The ``Path`` of rests that led there as the load grew, where one was followed.
+        The ``fem.solve.path.Path`` of rests that led there as the load grew, if it was followed.
 
     Examples
     --------
@@ -111,7 +108,7 @@ class StaticResult:
     residual: float
     iterations: int
     solver: str = ""
-    path: Path | None = field(default=None, repr=False)
+    path: Any = field(default=None, repr=False)
 
     @property
     def order(self) -> int:
