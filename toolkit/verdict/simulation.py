@@ -182,6 +182,7 @@ class StaticSimulation(Simulation):
 
     solved: SagResult
     modes: Modes | None = None
+    modes_unmade: str = ""
 
     kind = "sag"
 
@@ -215,6 +216,7 @@ class StaticSimulation(Simulation):
             ],
             "frequencies": self.frequencies,
             "order": static.order,
+            "law": static.law,
             "gap": self.solved.discretisation_error,
             "residual": static.residual,
             "iterations": static.iterations,
@@ -283,8 +285,8 @@ class StaticSimulation(Simulation):
             *stays_upright(self.solved, self.scene),
             *(strength(one, self.solved.discretisation_error) for one in self.safety),
         ]
-        if self.modes is not None:
-            checks.append(first_frequency(self.modes))
+        if self.modes is not None or self.modes_unmade:
+            checks.append(first_frequency(self.modes, self.modes_unmade))
         if known:
             names = ("mass", "max_displacement", "frequencies", "likely")
             checks.append(span_of_answers(*(known[name] for name in names)))
