@@ -132,6 +132,7 @@ class Dynamics:
         start = Kinematics(u, v, np.where(self.held.fixed, 0.0, force / mass))
         self.state = self._measured(0.0, start, 0)
         self._step_made: tuple | None = None
+        self.patience = np.inf  # halvings that are left
         self._forget()
 
     def _forget(self) -> None:
@@ -192,7 +193,8 @@ class Dynamics:
         try:
             self._advance(dt)
         except ConvergenceError as error:
-            if halvings == 0:
+            self.patience -= 1
+            if halvings == 0 or self.patience < 0:
                 raise
             logger.info("step of %g s failed (%s): halved", dt, error)
             for _ in range(2):
@@ -260,6 +262,9 @@ class Dynamics:
 # An impact is followed in so many steps while a wave crosses the body and comes back, which no
 # contact is shorter than; in at most so many a frame, and so many for every frame altogether.
 PARTS, MOST_PARTS, MOST_STEPS = 16, 64, 4
+# A motion is given up whose steps were halved so many times as often as it has frames: an obstacle
+# that is driven through what is held takes ever more of them.
+HALVED = 2
 # A frame that meets an obstacle and loses more than this fraction of the energy, but to friction,
 # is such an impact.
 LOSSY = 0.01
@@ -278,7 +283,7 @@ class ImpactSteps:
         lam, mu = material.lame
         wave = np.sqrt(mesh.volumes @ (lam + 2 * mu) / mesh.mass)
         size = 6 * mesh.volume / face_areas(mesh.points, mesh.boundary.faces).sum()
-        self.body, self.dt = body, dt
+        self.body, self.dt, body.patience = body, dt, HALVED * frames
         self.parts = int(np.ceil(dt * PARTS * wave / (2 * size)))
         self.left = MOST_STEPS * frames if self.parts <= MOST_PARTS else 0
         self.halved, self._lost, self._given, self._barrier = 0, 0.0, 0.0, 0.0
