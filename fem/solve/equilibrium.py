@@ -134,6 +134,8 @@ def _beyond_linear(linear: StaticResult, scene: Scene) -> Note | None:
     theirs, and what membranes and turned levers add.
     """
     u, mesh = linear.node_displacement, scene.mesh
+    if not u.any():
+        return None
     if linear.max_strain > LINEAR_STRAIN:
         value, limit = linear.max_strain, LINEAR_STRAIN
         return Note("equilibrium.linear_answer", max_strain=value, linear_limit=limit)
