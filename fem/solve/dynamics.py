@@ -12,7 +12,7 @@ from ..device import checked_device, one_thread
 from ..elements.assembly import discretise, node_supports
 from ..elements.elastic import ElasticBody, Response
 from ..elements.forces import load_vector, lumped_mass, node_counts, node_velocities, weighing_mass
-from ..errors import ConvergenceError, InputError
+from ..errors import ConvergenceError, InputError, UsageError
 from ..laws.law import Law
 from ..linalg.solver import RepeatedSolver
 from ..mesh import TetMesh, face_areas, material_of
@@ -345,9 +345,18 @@ class DynamicMethod:
         progress: FrameProgress | None = None,
         scheme: Scheme = Scheme.IMPLICIT_EULER,
     ) -> MotionResult:
-        """Follow the scene for its duration, one step of ``scheme`` a frame."""
+        """Follow the scene for its duration, one step of ``scheme`` a frame.
+
+        Raises UsageError: Where an obstacle is to be driven through what is held.
+        """
         frames = checked_count("frames", scene.frames)
         dt = checked_positive("duration", scene.duration, "s") / frames
+        held = scene.mesh.points[scene.held.fixed.all(axis=1)]
+        for k, obstacle in enumerate(scene.obstacles):
+            way = dt * np.asarray(obstacle.velocity, dtype=float)
+            for frame in range(1, frames + 1 if way.any() and len(held) else 1):
+                if not obstacle.distance(held - frame * way).gap.min() > 0:
+                    raise UsageError("dynamics.meets_support", k=k + 1, time=frame * dt)
         order, stiffening = motion_elements(scene.mesh, scene.supports, order)
         forces = scene.forces
         if scene.tractions:
