@@ -222,8 +222,8 @@ class SimulateOptions:
     """Law of the material; by default linear at rest, and neo-Hookean where strains are large."""
     order: Literal[1, 2] | None = None
     """Order of the elements, 1 or 2; by default 2 (motions: 1) while affordable."""
-    supports: Literal["base", "three-point"] = "base"
-    """Clamp the base, or rest on three points so that nothing is restrained but rigid motion."""
+    supports: Literal["base", "three-point", "free"] = "base"
+    """Clamp the base, rest on three points (only rigid motion is stopped), or free (vibrations)."""
     fix: Annotated[tuple[str, ...], Repeated] = ()
     """Hold a place instead of the base: part:NAME, "plane:z<0.01", box:..., near:x,y,z,r [:xy]."""
     load: Annotated[tuple[str, ...], Repeated] = ()

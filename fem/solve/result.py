@@ -329,6 +329,8 @@ class Modes:
         Nodes' displacement of unit modal mass, shape (modes, nodes, 3); the mesh points come first.
     residual
         Largest |K x - w^2 M x| / |w^2 M x| of the modes, with w at least a wave's across the body.
+    free
+        Names of what the supports leave free, and is no vibration: 'about z', 'along x', ...
 
     Examples
     --------
@@ -344,6 +346,7 @@ class Modes:
     frequencies: Float[np.ndarray, "modes"]
     shapes: Float[np.ndarray, "modes nodes 3"]
     residual: float
+    free: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
