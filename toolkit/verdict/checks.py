@@ -149,8 +149,9 @@ def first_frequency(modes: Modes | None, why: str = "") -> Check:
     under, outcome = Note("checks.under_load") if modes.loaded else "", _passed(value >= WOBBLES)
     told = {"value": value, "limit": WOBBLES, "under": under}
     said = Note("checks.is_stiff" if value >= WOBBLES else "checks.wobbles", **told)
-    if modes.free:
-        outcome, said = "failed", Note("checks.moves_freely", ways=modes.free, **told)
+    if modes.free and modes.held:
+        ways = ", ".join(modes.free)
+        outcome, said = "failed", Note("checks.moves_freely", ways=ways, **told)
     elif modes.order == 1 and value >= WOBBLES:
         outcome, said = "doubtful", Note("checks.stiff_by_linear", **told)
     elif value >= WOBBLES > (1 - SAFETY * modes.error) * value:
