@@ -201,12 +201,7 @@ class _Splats:
         return columns
 
 
-# A point counts as inside down to this barycentric coordinate: on a face it belongs to either tet.
-ON_FACE = -1e-9
-# Pairs of point and tet that are tested at a time: 30 MB.
-CHUNK = 200_000
-# Boxes of tets reach this share of a cell further, so that round-off loses no point on a face.
-ON_CELL = 1e-6
+ON_FACE = 1e-9  # of the mesh's longest side: a point so near to its surface is not outside
 
 
 @dataclass(frozen=True, eq=False)
@@ -258,67 +253,32 @@ class Embedding:
         return self._edges(self.mesh.points + displacement) @ self._rest
 
 
+def containing_tets(mesh: TetMesh, where: Float[np.ndarray, "*n 3"]) -> Int[np.ndarray, "*n"]:
+    """A tet around each place [m], of several on a common face any; -1 outside the mesh."""
+    import igl
+
+    tets, tree = mesh.tets.astype(np.int64), igl.AABB()
+    tree.init(mesh.points, tets)
+    flat = np.ascontiguousarray(where.reshape(-1, 3))
+    found = np.asarray(igl.in_element(mesh.points, tets, flat, tree), dtype=np.int64)
+    return found.reshape(where.shape[:-1])
+
+
 def embed(mesh: TetMesh, positions: Float[np.ndarray, "n 3"]) -> Embedding:
     """Find the tet around every position [m], or the nearest one where there is none."""
-    tet, weights = np.full(len(positions), -1), np.zeros((len(positions), 4))
-    corners = mesh.points[mesh.tets]
-    edges = (corners[:, 1:] - corners[:, :1]).transpose(0, 2, 1)
-    inverse, start = np.linalg.inv(edges), corners[:, 0]
-    for points, tets in _candidates(mesh, positions):
-        inside = np.einsum("nij,nj->ni", inverse[tets], positions[points] - start[tets])
-        all_four = np.column_stack([1 - inside.sum(axis=1), inside])
-        found = all_four.min(axis=1) >= ON_FACE
-        tet[points[found]], weights[points[found]] = tets[found], all_four[found]
-    outside, distance = tet < 0, np.zeros(len(positions))
-    if outside.any():
-        import igl
+    import igl
 
-        # The tet behind the nearest boundary face
+    tet, away = containing_tets(mesh, positions), np.zeros(len(positions))
+    outside = tet < 0
+    if outside.any():  # the tet behind the nearest boundary face
         where, faces = np.ascontiguousarray(positions[outside]), mesh.boundary.faces
-        squared, face = igl.point_mesh_squared_distance(where, mesh.points, faces.astype(np.int64))[
-            :2
-        ]
-        nearest = mesh.boundary.tet[np.asarray(face)]
-        tet[outside], distance[outside] = nearest, np.sqrt(np.asarray(squared))
-        three = np.einsum("nij,nj->ni", inverse[nearest], positions[outside] - start[nearest])
-        weights[outside] = np.column_stack([1 - three.sum(axis=1), three])
-    return Embedding(mesh, tet, weights, outside, distance)
-
-
-def _candidates(
-    mesh: TetMesh, positions: np.ndarray
-) -> Iterator[tuple[Int[np.ndarray, "pairs"], Int[np.ndarray, "pairs"]]]:
-    """Pairs of points and tets whose boxes they may lie in: no tet around a point is missed.
-
-    A grid of cells as large as the boxes of the tets in the mean; every cell knows its tets.
-    """
-    corners = mesh.points[mesh.tets]
-    low, high = corners.min(axis=1), corners.max(axis=1)
-    size = float(np.cbrt((high - low).prod(axis=1).mean()))
-    origin = low.min(axis=0) - 0.5 * size
-    first = np.floor((low - ON_CELL * size - origin) / size).astype(np.int64)
-    last = np.floor((high + ON_CELL * size - origin) / size).astype(np.int64)
-    shape = last.max(axis=0) + 1
-    extent = last - first + 1
-    tets, rank = unrolled(extent.prod(axis=1))
-    wide, deep = extent[tets, 2], extent[tets, 1]
-    local = np.stack([rank // (wide * deep), rank // wide % deep, rank % wide], axis=1)
-    cells = np.asarray(np.ravel_multi_index(tuple((first[tets] + local).T), tuple(shape)))
-    order = np.argsort(cells, kind="stable")
-    tets, cells = tets[order], cells[order]
-    at = np.floor((positions - origin) / size).astype(np.int64)
-    near = np.flatnonzero(((at >= 0) & (at < shape)).all(axis=1))
-    keys = np.asarray(np.ravel_multi_index(tuple(at[near].T), tuple(shape)))
-    begin = np.searchsorted(cells, keys)
-    counts = np.searchsorted(cells, keys, side="right") - begin
-    ends = np.cumsum(counts)
-    cuts = np.searchsorted(ends, np.arange(CHUNK, ends[-1] + CHUNK, CHUNK)) if len(ends) else []
-    for a, b in zip([0, *cuts], [*cuts, len(near)], strict=True):
-        key, place = unrolled(counts[a:b])
-        yield near[a:b][key], tets[begin[a:b][key] + place]
-
-
-def unrolled(counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """For counts 2, 0, 3 the owners 0 0 2 2 2 and the places within them 0 1 0 1 2."""
-    owner = np.repeat(np.arange(len(counts)), counts)
-    return owner, np.arange(len(owner)) - np.repeat(np.cumsum(counts) - counts, counts)
+        squared, face, _ = igl.point_mesh_squared_distance(
+            where, mesh.points, faces.astype(np.int64)
+        )
+        tet[outside], away[outside] = mesh.boundary.tet[np.asarray(face)], np.sqrt(squared)
+        outside[outside] = away[outside] > ON_FACE * np.ptp(mesh.bounds, axis=0).max()
+    corners = mesh.points[mesh.tets[tet]]
+    edges = (corners[:, 1:] - corners[:, :1]).transpose(0, 2, 1)
+    three = np.linalg.solve(edges, (positions - corners[:, 0])[:, :, None])[:, :, 0]
+    weights = np.column_stack([1 - three.sum(axis=1), three])
+    return Embedding(mesh, tet, weights, outside, np.where(outside, away, 0.0))

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import itertools
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Literal, NamedTuple
 
 import numpy as np
-from jaxtyping import Int
 
 from ..fem.errors import InputError
 from ..fem.material import ElementMaterial
@@ -17,7 +16,7 @@ from ..fem.mpm.materials import Substance
 from ..fem.mpm.particles import JELLY, Particles
 from ..predictors.field import ANY_PART, MaterialField, sample_field
 from ..predictors.grid import Grid, PartVoxels
-from .embedding import unrolled
+from .embedding import containing_tets
 from .points.table import PointTable, read_points
 
 # What other programs call the three values and the label, ours first.
@@ -38,7 +37,7 @@ def field_from_tets(mesh: TetMesh, *, cells: int = 64) -> MaterialField:
     if mesh.material is None:
         raise InputError("transfer.mesh_material")
     voxels = voxelize(mesh, cells=cells)
-    owner = containing_tets(mesh, voxels.grid)
+    owner = containing_tets(mesh, voxels.grid.centers())
     stamped = voxels.occupied & (mesh.region[owner] != voxels.part)
     for region in np.unique(voxels.part[stamped]):
         inside = np.flatnonzero(mesh.region == region)
@@ -318,11 +317,9 @@ def _particles_parts(field: MaterialField) -> tuple[np.ndarray, tuple[str, ...]]
 
 # Tets as labelled voxels, and the regions of tets by voxels that were divided further.
 
-_PAIRS = 1 << 19  # pairs of a tet and a column at a time: about 100 MB of temporaries
 # Regions are one shape where volume and radii differ by less than this share: a leg of 5 cm of a
 # table of 1.2 m, meshed four times, differs by .6 %; a bar with the radii of a rod has 4.7 % more.
 SAME_SHAPE = 0.02
-_ON_FACE = 1e-9  # of a barycentric coordinate: a cell centre on a face counts as inside
 
 
 def voxelize(mesh: TetMesh, *, cells: int = 64) -> PartVoxels:
@@ -331,7 +328,7 @@ def voxelize(mesh: TetMesh, *, cells: int = 64) -> PartVoxels:
     A region too thin to hold a centre gets the free voxel nearest to its largest tet.
     """
     grid = Grid.around(mesh.bounds, cells=cells)
-    owner = containing_tets(mesh, grid)
+    owner = containing_tets(mesh, grid.centers())
     # Give each region without a voxel the nearest one that is no other region's last
     label = np.where(owner >= 0, mesh.region[owner], -1)
     count = np.bincount(label[label >= 0], minlength=len(mesh.region_names))
@@ -389,48 +386,3 @@ def divided_by_voxels(mesh: TetMesh, parts: PartVoxels, parents: Sequence[int]) 
         _, nearest = KDTree(cells).query(parts.grid.to_index(mesh.centroids[tets]))
         region[tets] = parts.part[tuple(cells[nearest].T)]
     return TetMesh(mesh.points, mesh.tets, region, parts.part_names)
-
-
-def containing_tets(mesh: TetMesh, grid: Grid) -> Int[np.ndarray, "nx ny nz"]:
-    """Tet around each cell centre (the first, on a common face), -1 outside, shape of the grid."""
-    corners = grid.to_index(mesh.points[mesh.tets])  # in cells, so that centres are integers
-    inverse = np.linalg.inv((corners[:, 1:] - corners[:, :1]).transpose(0, 2, 1))
-    # The barycentric coordinates are gradient @ x + offset.
-    gradient = np.concatenate([inverse, -inverse.sum(axis=1, keepdims=True)], axis=1)
-    offset = -np.einsum("tij,tj->ti", gradient, corners[:, 0]) + [0.0, 0.0, 0.0, 1.0]
-    owner = np.full(grid.shape, len(mesh.tets), dtype=np.int64)
-    lower, upper = corners.min(axis=1) - _ON_FACE, corners.max(axis=1) + _ON_FACE
-    for tet, x, y in _columns(lower[:, :2], upper[:, :2], grid.shape[:2]):
-        height = gradient[tet, :, 2]
-        rest = np.einsum("nij,nj->ni", gradient[tet, :, :2], np.stack([x, y], axis=1))
-        rest += offset[tet] + _ON_FACE  # inside where height * z >= -rest, of every face
-        with np.errstate(divide="ignore", invalid="ignore"):
-            crossing = -rest / height
-        bottom = np.where(height > 0, crossing, lower[tet, 2:]).max(axis=1)
-        top = np.where(height < 0, crossing, upper[tet, 2:]).min(axis=1)
-        first = np.ceil(bottom).clip(0, grid.shape[2]).astype(np.int64)
-        last = np.floor(top).clip(-1, grid.shape[2] - 1).astype(np.int64)
-        count = np.maximum(last - first + 1, 0) * ((height != 0) | (rest >= 0)).all(axis=1)
-        pair, above = unrolled(count)
-        cells = x[pair], y[pair], first[pair] + above
-        np.minimum.at(owner, cells, tet[pair])
-    return np.where(owner < len(mesh.tets), owner, -1)
-
-
-def _columns(
-    lower: np.ndarray, upper: np.ndarray, shape: tuple[int, int]
-) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
-    """Pairs of a box and a column (x, y) of cells through it, in bounded portions.
-
-    ``lower`` and ``upper`` (n, 2) are fractional cell indices, centres are whole numbers; columns
-    outside the grid of ``shape`` are left out.
-    """
-    lo = np.maximum(np.ceil(lower), 0).astype(np.int64)
-    hi = np.minimum(np.floor(upper), np.array(shape) - 1).astype(np.int64)
-    counts = np.maximum(hi - lo + 1, 0)
-    sizes = counts.prod(axis=1)
-    portion = np.cumsum(sizes) // _PAIRS  # a box stays whole
-    for boxes in np.split(np.arange(len(sizes)), np.flatnonzero(np.diff(portion)) + 1):
-        pair, at = unrolled(sizes[boxes])
-        box = boxes[pair]
-        yield box, lo[box, 0] + at // counts[box, 1], lo[box, 1] + at % counts[box, 1]

@@ -42,7 +42,6 @@ _HOME = {
     "nodal_stress": "solve.statics",
     "von_mises": "elements.elastic",
     "solve_nonlinear": "solve.nonlinear",
-    "solve_averaged": "solve.statics",
     "Dynamics": "solve.dynamics",
     "Damping": "solve.damping",
     "Scheme": "solve.schemes",

@@ -187,6 +187,12 @@ class ElementMaterial:
         """Return the material as stiff across its grain as along it."""
         return self if self.tensor is None else replace(self, tensor=None, axes=None)
 
+    def times(self, factor: float | Float[np.ndarray, "tets"]) -> ElementMaterial:
+        """Return the material ``factor`` [1] times as stiff, its grain too."""
+        each = np.broadcast_to(factor, self.E.shape)
+        tensor = None if self.tensor is None else self.tensor * each[:, None, None]
+        return replace(self, E=self.E * each, tensor=tensor)
+
     @property
     def grained(self) -> Bool[np.ndarray, "tets"]:
         """Which tets have a grain."""

@@ -210,30 +210,16 @@ def _rotate(rows: np.ndarray, basis: np.ndarray, p: int, q: int) -> None:
 
 def matrices_of(rotations: Float[np.ndarray, "n 4"]) -> Float[np.ndarray, "n 3 3"]:
     """Rotation matrices of unit quaternions wxyz."""
-    w, x, y, z = rotations.T
-    rows = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-    ]
-    return np.ascontiguousarray(np.array(rows).transpose(2, 0, 1))
+    from scipy.spatial.transform import Rotation
+
+    return Rotation.from_quat(rotations, scalar_first=True).as_matrix()
 
 
 def quaternions_of(matrices: Float[np.ndarray, "n 3 3"]) -> Float[np.ndarray, "n 4"]:
-    """Unit quaternions wxyz of rotation matrices, by their largest component."""
-    m = matrices
-    trace = np.einsum("nii->n", m)
-    squares = np.column_stack([trace, m[:, 0, 0], m[:, 1, 1], m[:, 2, 2]])
-    most = np.argmax(squares, axis=1)
-    a, b, c = m[:, 2, 1] - m[:, 1, 2], m[:, 0, 2] - m[:, 2, 0], m[:, 1, 0] - m[:, 0, 1]
-    d, e, f = m[:, 0, 1] + m[:, 1, 0], m[:, 0, 2] + m[:, 2, 0], m[:, 1, 2] + m[:, 2, 1]
-    diagonal = 1 - trace[:, None] + 2 * np.einsum("nii->ni", m)
-    options = np.array(
-        [[1 + trace, a, b, c], [a, diagonal[:, 0], d, e], [b, d, diagonal[:, 1], f],
-         [c, e, f, diagonal[:, 2]]]
-    )  # fmt: skip
-    chosen = options[most, :, np.arange(len(m))]
-    return chosen / np.linalg.norm(chosen, axis=1, keepdims=True)
+    """Unit quaternions wxyz of rotation matrices."""
+    from scipy.spatial.transform import Rotation
+
+    return Rotation.from_matrix(matrices).as_quat(scalar_first=True)
 
 
 # Spherical harmonics of splats and how they turn: band by band, exactly.

@@ -16,7 +16,6 @@ from ..scene.obstacles import Distance, Obstacle, Plane
 from ..scene.scene import Scene
 from ..scene.supports import Supports
 from ..scene.up import up_index
-from .particles import Particles
 
 # How far held faces hold nodes inside the body [spacings]: on average over all places of a face
 # between two nodes the last held one lies 0.16 spacings inside, where bars get their length.
@@ -72,26 +71,6 @@ class Wall:
         if self.axis is not None:
             normals = np.tile(np.eye(3)[self.axis], (len(normals), 1))
         return nodes[inside], normals, np.tile(velocity, (len(normals), 1))
-
-
-def fixed_nodes(
-    particles: Particles | None, grid: BackgroundGrid
-) -> tuple[Int[np.ndarray, "nodes"], Float[np.ndarray, "nodes"]]:
-    """Nodes that stationary particles reach, and their mass [kg] there, by the weights."""
-    total = np.zeros(grid.count)
-    if particles is not None:
-        first = grid.first_nodes(particles.x)
-        room = ((first >= 0) & (first < np.array(grid.shape) - 2)).all(axis=1)
-        first, x, mass = first[room], particles.x[room], particles.mass[room]
-        f = (x - grid.origin) / grid.spacing - first
-        w = np.stack([0.5 * (1.5 - f) ** 2, 0.75 - (f - 1) ** 2, 0.5 * (f - 0.5) ** 2])
-        for a, b, c in np.ndindex(3, 3, 3):
-            fraction = w[a, :, 0] * w[b, :, 1] * w[c, :, 2]
-            total += np.bincount(
-                grid.flat(first + np.array([a, b, c])), mass * fraction, grid.count
-            )
-    nodes = np.flatnonzero(total)
-    return nodes, total[nodes]
 
 
 @dataclass(frozen=True, eq=False)

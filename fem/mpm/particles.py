@@ -52,37 +52,25 @@ class Particles:
     def __post_init__(self) -> None:
         if not len(self.x):
             raise InputError("particles.particles_body")
-        sides = {
-            "volume": self.volume > 0,
-            "E": self.E > 0,
-            "nu": (self.nu >= 0) & (self.nu < 0.5),
-            "rho": self.rho > 0,
-            "x": np.isfinite(self.x).all(axis=1),
-            "velocity": np.isfinite(self.velocity).all(axis=1),
-        }
-        for name, good in sides.items():
+        total = len(self.x)
+        for name in ("volume", "E", "nu", "rho", "x", "velocity"):
             values = getattr(self, name)
-            if len(values) != len(self.x):
+            if (count := len(values)) != total:
                 raise InputError(
-                    "particles.values_particles", count=len(values), name=name, count_2=len(self.x)
+                    "particles.values_particles", count=count, name=name, count_2=total
                 )
-            good = good & np.isfinite(values).reshape(len(values), -1).all(axis=1)
-            if not good.all():
-                first = int(np.flatnonzero(~good)[0])
+            good = np.isfinite(values).reshape(total, -1).all(axis=1)
+            if values.ndim == 1:  # positive; nu may be zero
+                good &= (0 <= values) & (values < 0.5) if name == "nu" else values > 0
+            if bad := np.flatnonzero(~good).tolist():
                 raise InputError(
                     "particles.particle_bad",
-                    name=name,
-                    values=values[first],
-                    first=first,
-                    count=int((~good).sum()),
-                    count_2=len(values),
-                )
+                    name=name, values=values[bad[0]], first=bad[0], count=len(bad), count_2=total,
+                )  # fmt: skip
         for name, names in (("part", self.parts), ("substance", self.substances)):
-            ids = getattr(self, name)
-            if len(ids) != len(self.x) or ids.min() < 0 or ids.max() >= len(names):
-                raise InputError(
-                    "particles.particles_wanted", name=name, count=len(self.x), count_2=len(names)
-                )
+            ids, most = getattr(self, name), len(names)
+            if len(ids) != total or ids.min() < 0 or ids.max() >= most:
+                raise InputError("particles.particles_wanted", name=name, count=total, count_2=most)
 
     @classmethod
     def of(

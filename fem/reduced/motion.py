@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -42,8 +42,8 @@ from ..solve.nonlinear import Point, minimise
 from ..solve.result import MOTION_LIMIT, ModelError, Motion
 from ..solve.schemes import ROUND_OFF, Forecast, Kinematics, Scheme, Step
 from ..validation import checked_positive
-from .basis import linear_body, on_few_cells, orthonormal_fields, principal_fields, whole_model
-from .cubature import CELLS
+from .basis import linear_body, orthonormal_fields, principal_fields, whole_model
+from .cubature import CELLS, with_cells
 from .elasticity import KeptInverse, ReducedElasticity
 from .model import ReducedModel, Subspace
 
@@ -142,8 +142,9 @@ def enriched(
     joined = principal_fields(np.moveaxis(missed, 0, 2), model.basis, model.mass, joining)
     basis = orthonormal_fields(np.concatenate([model.basis, joined], axis=2), model.mass)
     whole = whole_model(body, basis, Subspace.VECTOR)
-    stiffening = model.accuracy.stiffening
-    return on_few_cells(whole, _acting(scene, model), most_cells, stiffening=stiffening)
+    accuracy = whole.accuracy._replace(stiffening=model.accuracy.stiffening)
+    load = whole.pull_back(_acting(scene, model))
+    return with_cells(replace(whole, accuracy=accuracy), load, most_cells)
 
 
 def reduced_dynamics(

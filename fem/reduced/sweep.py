@@ -9,7 +9,6 @@ Huynh & Patera 2008): responses to the loads, and one inverse iteration of the v
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -262,26 +261,25 @@ class LinearFamily:
 
     @cached_property
     def _parts(self) -> tuple[list[tuple[Any, Any]], Any]:
-        """Stiffness of every group by lam and mu (of a grain: all and nothing); of the rest."""
+        """Stiffness of every group by lam and mu (of a grain: all, twice); of the rest."""
         pairs, none = [], np.zeros(len(self.mesh.tets))
         for tets, grained in zip(self.groups, self.grained, strict=True):
             E = np.where(tets, material_of(self.mesh).E, 0.0)
             if grained:
-                empty = _trimmed(stiffness(self.grid, none, none).to_scipy())
-                pairs.append((self._stiffness_of(tets), empty))
-            else:
-                moduli = ((E, none), (none, E))
-                pairs.append(tuple(_trimmed(stiffness(self.grid, *m).to_scipy()) for m in moduli))
+                pair = [self._stiffness_of(tets)] * 2
+            else:  # without the blocks of others, on arrays of its own
+                pair = [stiffness(self.grid, *m).to_scipy().copy() for m in ((E, none), (none, E))]
+                for matrix in pair:
+                    matrix.eliminate_zeros()
+            pairs.append(tuple(pair))
         return pairs, self._stiffness_of(self.others)
 
     def _stiffness_of(self, tets: np.ndarray) -> Any:
         """Stiffness of some tets as they are: twice what is missing when they have half of it."""
         base = material_of(self.mesh)
-        factor = np.where(tets, 0.5, 1.0)
-        tensor = None if base.tensor is None else base.tensor * factor[:, None, None]
-        half = replace(base, E=base.E * factor, tensor=tensor)
+        half = base.times(np.where(tets, 0.5, 1.0))
         whole, rest = (linear_stiffness(self.grid, m).to_scipy() for m in (base, half))
-        return _trimmed(2 * (whole - rest))
+        return 2 * (whole - rest)
 
     def answers(
         self, member: Member
@@ -318,13 +316,3 @@ class LinearFamily:
             return rest, np.zeros(0)
         square = eigh(K, M, eigvals_only=True, subset_by_index=[0, count - 1])
         return rest, np.sqrt(np.maximum(square, 0.0)) / (2 * np.pi)
-
-
-def _trimmed(matrix: Any) -> Any:
-    """``matrix`` (BSR) without the blocks that are zero."""
-    from scipy.sparse import bsr_array
-
-    some = matrix.data.any(axis=(1, 2))
-    before = np.concatenate([[0], np.cumsum(some)])
-    arrays = (matrix.data[some], matrix.indices[some], before[matrix.indptr])
-    return bsr_array(arrays, shape=matrix.shape)

@@ -17,7 +17,7 @@ from ..errors import InputError, UsageError
 from ..mesh import TetMesh
 from ..note import Note
 from .loads import pressure, spread_force, spread_torque
-from .obstacles import Box, Capsule, Obstacle, Plane, Sphere
+from .obstacles import Box, Capsule, Obstacle, Plane, Sphere, obstacle_size
 from .scene import Hold, Scene
 from .supports import Supports
 
@@ -106,31 +106,28 @@ class BoundaryConditions:
                 if not len(place.faces):
                     raise UsageError("conditions.face_surface", option=option)
                 if not place.whole:
-                    warnings.append(
-                        Note("conditions.whole_face", option=option, count=len(place.faces))
-                    )
-                number = float(value[0]) if kind == "pressure" else value
+                    count = len(place.faces)
+                    warnings.append(Note("conditions.whole_face", option=option, count=count))
                 try:
-                    load = spread(mesh, place.faces, number)
+                    load = spread(mesh, place.faces, value if len(value) > 1 else float(value[0]))
                 except InputError as error:
                     raise UsageError(f"{option}: {error}") from error
                 tractions.append(load._replace(name=place.words))
-        obstacles = (*scene.obstacles, *map(parsed_obstacle, self.obstacle))
         gravity = np.asarray(scene.gravity_vector, dtype=float)
         if self.gravity_dir is not None:
             way = np.asarray(self.gravity_dir, dtype=float)
-            if way.shape != (3,) or not np.isfinite(way).all() or not np.linalg.norm(way) > 0:
+            if way.shape != (3,) or not np.isfinite(way).all() or not way.any():
                 raise UsageError("conditions.gravity_dir_wanted", gravity_dir=self.gravity_dir)
             if not gravity.any():
                 raise UsageError("conditions.gravity_dir_scene")
-            gravity = float(np.linalg.norm(gravity)) * way / np.linalg.norm(way)
+            gravity = np.linalg.norm(gravity) * way / np.linalg.norm(way)
         return replace(
             scene,
             supports=held,
             holds=tuple(holds),
             ground=None if self.fix else scene.ground,
             tractions=tuple(tractions),
-            obstacles=obstacles,
+            obstacles=(*scene.obstacles, *map(parsed_obstacle, self.obstacle)),
             gravity_vector=gravity,
             warnings=tuple(warnings),
         )
@@ -151,10 +148,8 @@ def entries(given: str | Iterable[str] | Mapping[str, Any]) -> tuple[str, ...]:
         return (given,)
     if not isinstance(given, Mapping):
         return tuple(given)
-    rows = [
-        (place, np.atleast_1d(np.asarray(value, dtype=float))) for place, value in given.items()
-    ]
-    return tuple(f"{place}={','.join(repr(float(x)) for x in row)}" for place, row in rows)
+    rows = {place: map(float, np.atleast_1d(value)) for place, value in given.items()}
+    return tuple(f"{place}={','.join(map(repr, row))}" for place, row in rows.items())
 
 
 def _selected(scene: Scene, kind: str, words: str) -> Selection:
@@ -165,7 +160,6 @@ def _selected(scene: Scene, kind: str, words: str) -> Selection:
 
 
 AXES = "xyz"
-FORMS = Note("conditions.part_name")
 # Places reach this fraction of the diagonal further: `plane:z<0` means the face at z = 0 too, and
 # coordinates written as text lose their last digits.
 TOUCH = 1e-6
@@ -200,18 +194,13 @@ def select(mesh: TetMesh, words: str) -> Selection:
         place, axes = before, tuple(AXES.index(axis) for axis in last)
     kind, _, rest = place.partition(":")
     if kind == "part":
-        folded = {known.casefold(): i for i, known in enumerate(mesh.region_names)}
-        exact = mesh.region_names.index(rest) if rest in mesh.region_names else None
-        region = folded.get(rest.casefold()) if exact is None else exact
-        if region is None:
+        folded = {known.casefold(): known for known in mesh.region_names}
+        part = rest if rest in mesh.region_names else folded.get(rest.casefold())
+        if part is None:
             near = difflib.get_close_matches(rest.casefold(), folded, n=1, cutoff=0.5)
-            hint = (
-                Note("conditions.you_mean", region_names=mesh.region_names[folded[near[0]]])
-                if near
-                else ""
-            )
+            hint = Note("conditions.you_mean", region_names=folded[near[0]]) if near else ""
             raise UsageError("conditions.such_part", words=words, hint=hint, around=_around(mesh))
-        inside = mesh.region == region
+        inside = mesh.region == mesh.region_names.index(part)
         if not inside.any():
             raise UsageError("conditions.part_tets", words=words, around=_around(mesh))
         boundary = mesh.boundary
@@ -235,7 +224,8 @@ def select(mesh: TetMesh, words: str) -> Selection:
             raise UsageError("conditions.wanted_all", words=words)
         away = np.zeros(len(x))
     else:
-        raise UsageError("conditions.place_called", words=words, kind=kind, forms=FORMS)
+        forms = Note("conditions.part_name")
+        raise UsageError("conditions.place_called", words=words, kind=kind, forms=forms)
     touch = TOUCH * float(np.linalg.norm(np.ptp(mesh.bounds, axis=0)))
     used = np.unique(mesh.tets)
     ids = used[away[used] <= touch]
@@ -290,9 +280,6 @@ def _around(mesh: TetMesh, most: int = 8) -> str:
     return Note("conditions.parts_mesh", names=names, more=more, box=box)
 
 
-OBSTACLES = Note("conditions.plane_sphere")
-
-
 def parsed_obstacle(words: str) -> Obstacle:
     """Find the obstacle that ``words`` mean [m], with its velocity [m/s] after '=', if it moves.
 
@@ -311,25 +298,20 @@ def parsed_obstacle(words: str) -> Obstacle:
         return Plane(tuple(sign * level * normal), tuple(normal), velocity)
     if kind == "sphere":
         *centre, radius = numbers(rest, 4, option).tolist()
-        return Sphere(tuple(centre), _positive(radius, option), velocity)
-    if kind == "capsule":
+        made = Sphere(tuple(centre), radius, velocity)
+    elif kind == "capsule":
         *ends, radius = numbers(rest, 7, option).tolist()
-        return Capsule(tuple(ends[:3]), tuple(ends[3:]), _positive(radius, option), velocity)
-    if kind == "box":
+        made = Capsule(tuple(ends[:3]), tuple(ends[3:]), radius, velocity)
+    elif kind == "box":
         corners = numbers(rest, 6, option).reshape(2, 3)
         half = np.abs(corners[1] - corners[0]) / 2
-        _positive(float(half.min()), option)
-        return Box(tuple(corners.mean(axis=0).tolist()), tuple(half.tolist()), velocity)
-    raise UsageError("conditions.obstacle_called", option=option, kind=kind, obstacles=OBSTACLES)
-
-
-def _positive(size: float, option: str) -> float:
-    if not size > 0:
+        made = Box(tuple(corners.mean(axis=0).tolist()), tuple(half.tolist()), velocity)
+    else:
+        known = Note("conditions.plane_sphere")
+        raise UsageError("conditions.obstacle_called", option=option, kind=kind, obstacles=known)
+    if not (size := obstacle_size(made)) > 0:
         raise UsageError("conditions.size_wanted", option=option, size=size)
-    return size
-
-
-SCALARS = ("gravity", "gravity_dir")
+    return made
 
 
 class ConditionsFile(NamedTuple):
@@ -367,14 +349,13 @@ def read_conditions(path: Path) -> ConditionsFile:
         document = tomllib.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
         raise InputError("conditions.cannot_read", path=path, error=error) from error
-    keys = (*KINDS, "body", *SCALARS)
+    keys = (*KINDS, "body", "gravity", "gravity_dir")
     for key in document:
         if key not in keys:
             near = difflib.get_close_matches(key, keys, n=1)
             hint = Note("conditions.you_mean_2", near=near[0]) if near else ""
-            raise UsageError(
-                "conditions.unknown_key", path=path, key=key, keys=", ".join(keys), hint=hint
-            )
+            known = ", ".join(keys)
+            raise UsageError("conditions.unknown_key", path=path, key=key, keys=known, hint=hint)
     options: dict[str, Any] = {kind: _entries(path, kind, document) for kind in KINDS}
     gravity, way = document.get("gravity"), document.get("gravity_dir")
     if gravity is not None and not _is_number(gravity):

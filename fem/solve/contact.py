@@ -18,19 +18,20 @@ from ..errors import InputError
 from ..mesh import TetMesh, face_areas, material_of
 from ..scene.obstacles import Distance, Obstacle, obstacle_size
 from ..scene.up import UpAxis, up_index, up_vector
-from .self_contact import ContactPressures, PieceForce, SelfContact, largest_pressure
+from .self_contact import (
+    GAP_SHARE,
+    STICK_SHARE,
+    STIFFNESS_SHARE,
+    ContactPressures,
+    PieceForce,
+    SelfContact,
+    largest_pressure,
+)
 
 # The barrier acts closer than this fraction of the body's diagonal.
 BARRIER_SHARE = 1e-3
-# Barrier stiffness as a fraction of the body's own E: stiff against the body, which is a thousand
-# barrier thicknesses wide, and soft enough for Newton.
-STIFFNESS_SHARE = 0.1
-# A Newton step may use up this fraction of a gap.
-GAP_SHARE = 0.9
 # Advancement along a step that meets no obstacle within so many moves is stopped there.
 ADVANCES = 60
-# Sliding slower than this fraction of the body's diagonal per second is sticking.
-STICK_SHARE = 1e-3
 
 
 def barrier_thickness(mesh: TetMesh) -> float:
@@ -271,10 +272,6 @@ class Contact:
         )
         return ContactPressures(largest[:-1], float(largest[-1]))
 
-    def passes(self, u: np.ndarray, after: np.ndarray) -> bool:
-        """Whether the body can go from ``u`` to ``after`` without meeting itself."""
-        return self.own is None or self.own.longest_step(u, after - u) == 1
-
     def piece_forces(self, u: np.ndarray) -> tuple[PieceForce, ...]:
         """Force of every piece on every other that it touches."""
         return self.own.piece_forces(u) if self.own else ()
@@ -339,17 +336,6 @@ class Sites(NamedTuple):
         pairs.append((i, j, both[..., None, None] * blocks[near, None, None]))
 
 
-class _Group(NamedTuple):
-    """Faces with the same lattice: ``nodes`` (faces, k), ``stiffness`` (faces,) [J].
-
-    A place is as stiff as a corner of the face: few of them carry what presses a flat face.
-    """
-
-    nodes: np.ndarray
-    stiffness: np.ndarray
-    alpha: np.ndarray
-
-
 class SurfaceSites:
     """Sites of a body against one obstacle.
 
@@ -381,12 +367,14 @@ class SurfaceSites:
         ids = np.flatnonzero(area > 0)
         weight = stiffness[ids] * area[ids]
         self.nodal = Sites(ids[:, None], np.ones((len(ids), 1)), space.nodes[ids], weight)
-        self.groups = []
+        # Faces with the same lattice: nodes (faces, k), stiffness (faces,) [J] and the lattice. A
+        # place is as stiff as a corner of the face: few of them carry what presses a flat face.
+        self.groups: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
         for count in np.unique(cells[~plain]).tolist():
             own = cells == count
             mean = stiffness[faces[own]].mean(axis=1)
             lattice = face_lattice(count, nodes.shape[1])
-            self.groups.append(_Group(nodes[own], mean * areas[own] / 3, lattice))
+            self.groups.append((nodes[own], mean * areas[own] / 3, lattice))
 
     def near(self, u: np.ndarray, shift: np.ndarray, margin: float) -> Iterator[Sites]:
         """Sites of the displaced body, all that are closer than ``margin`` [m] among them.
@@ -395,14 +383,13 @@ class SurfaceSites:
         """
         if len(self.nodal.nodes):
             yield self.nodal
-        for group in self.groups:
-            close = self.close(group.nodes, u, shift, margin)
+        for faces, stiffness, lattice in self.groups:
+            close = self.close(faces, u, shift, margin)
             if close.size:
-                places = len(group.alpha)
-                nodes = np.repeat(group.nodes[close], places, axis=0)
-                alpha = np.tile(group.alpha, (len(close), 1))
+                nodes = np.repeat(faces[close], len(lattice), axis=0)
+                alpha = np.tile(lattice, (len(close), 1))
                 rest = np.einsum("nk,nkd->nd", alpha, self.rest[nodes])
-                yield Sites(nodes, alpha, rest, np.repeat(group.stiffness[close], places))
+                yield Sites(nodes, alpha, rest, np.repeat(stiffness[close], len(lattice)))
 
     def close(self, faces: np.ndarray, u: np.ndarray, shift: np.ndarray, margin: float):
         """Indices of all ``faces`` (faces, k) that are closer than ``margin``, and of more."""

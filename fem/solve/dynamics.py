@@ -222,7 +222,8 @@ class Dynamics:
         start = np.where(fixed, old, self.contact.allowed(old))
         if not self.contact.gap(start) > 0:
             raise ConvergenceError("dynamics.obstacle_moves")
-        if not self.contact.passes(old, start):
+        own = self.contact.own
+        if own is not None and own.longest_step(old, start - old) < 1:
             raise ConvergenceError("dynamics.obstacle_presses")
         ahead = np.where(fixed, old, step.target + self._forecast.next() / step.factor) - start
         u = start + min(1.0, self.contact.longest_step(start, ahead)) * ahead

@@ -12,14 +12,13 @@ from ..device import Recorder, checked_device, single_threaded
 from ..elements.assembly import (
     BlockMatrix,
     Discretisation,
-    add_diagonal,
     apply_supports,
     constrained_stiffness,
     discretise,
     linear_stiffness,
     node_supports,
 )
-from ..elements.forces import consistent_mass, diagonal_mass, lumped_mass
+from ..elements.forces import consistent_mass, diagonal_mass
 from ..elements.space import LARGEST_MOVING, Space, affordable_order, extend_linear
 from ..errors import ConvergenceError, InputError
 from ..laws.law import Law
@@ -240,7 +239,7 @@ def _factored(
 def _lobpcg(problem: Vibrations, count: int) -> tuple[np.ndarray, np.ndarray]:
     """As ``_factored``, by iterating on a block of vectors with one V-cycle.
 
-    The cycle is that of K raised by a lumped mass, on the free unknowns.
+    The cycle is that of K raised by the mass, on the free unknowns.
     """
     from scipy.sparse import kron
     from scipy.sparse.linalg import LinearOperator, lobpcg
@@ -252,15 +251,10 @@ def _lobpcg(problem: Vibrations, count: int) -> tuple[np.ndarray, np.ndarray]:
     M = kron(problem.mass, np.eye(3), format="csr")[free][:, free]
     motions = problem.motions.reshape(free.size, -1)[free]
     start = np.random.default_rng(0).normal(size=(K.shape[0], count + 4))
-    space = problem.grid.space
-    matrix = linear_stiffness(problem.grid, material_of(problem.mesh))  # its own: it changes
-    apply_supports(matrix, problem.held.fixed, problem.held.springs)
-    raised = problem.slow * lumped_mass(problem.mesh, space)
-    add_diagonal(matrix, raised[:, None, None] * np.eye(3))
-    system = scale(matrix)
-    cycle = TwoLevel(system, space.nodes, problem.held.fixed)
+    system = scale(problem.stiffness(problem.slow))
+    cycle = TwoLevel(system, problem.grid.space.nodes, problem.held.fixed)
     r, z = cycle.r, cycle.z
-    launch = Recorder(matrix.nodes, r.device)
+    launch = Recorder(system.matrix.nodes, r.device)
     scaled = launch(k.block_multiply, [system.inverse, r, False, r])
     unscaled = launch(k.block_multiply, [system.inverse, z, True, z])
 
@@ -293,12 +287,11 @@ MOST_OPERATIONS = 1e12
 class ConstrainedInverse(NamedTuple):
     """``stiffness`` [N/m] with supports, and what ``solve`` finds for forces (nodes, 3) [N].
 
-    Those must be zero where it is held. ``exact``: by a factor, to round-off.
+    Those must be zero where it is held.
     """
 
     stiffness: BlockMatrix
     solve: Callable[[np.ndarray], np.ndarray]
-    exact: bool
 
 
 def constrained_inverse(
@@ -312,10 +305,10 @@ def constrained_inverse(
     plan = planned_elimination(matrix, space.edges)
     if plan.entries <= MOST_ENTRIES:
         if plan.operations <= MOST_OPERATIONS:
-            return ConstrainedInverse(matrix, cached_factor(matrix, plan).solve, True)
+            return ConstrainedInverse(matrix, cached_factor(matrix, plan).solve)
         if (factor := find_factor(matrix, plan)) is not None:
-            return ConstrainedInverse(matrix, factor.solve, True)
+            return ConstrainedInverse(matrix, factor.solve)
     if not rough:
         return None
     known = {"points": space.nodes, "fixed": held.fixed, "edges": space.edges}
-    return ConstrainedInverse(matrix, rough_inverse(matrix, tolerance=rough, **known), False)
+    return ConstrainedInverse(matrix, rough_inverse(matrix, tolerance=rough, **known))

@@ -18,7 +18,7 @@ from ..note import Note
 from ..scene.scene import Scene
 from .self_contact import ContactPressures, PieceForce
 
-# Poisson's ratio beyond which P1 tets answer too stiffly: use order 2, or averaged pressures.
+# Poisson's ratio beyond which P1 tets answer too stiffly: use order 2.
 LOCKING = 0.4
 
 # Error of quadratic answers over its estimate: at most so much on 97 of 100 problems.
@@ -82,8 +82,6 @@ class StaticResult:
         Relative residual of the linear system, and iterations (0: direct).
     solver
         What solved the linear system, and what was tried before in vain.
-    averaged
-        Whether linear elements had their pressures averaged around the nodes.
 
     Examples
     --------
@@ -108,7 +106,6 @@ class StaticResult:
     residual: float
     iterations: int
     solver: str = ""
-    averaged: bool = False
 
     @property
     def order(self) -> int:
@@ -123,7 +120,7 @@ class StaticResult:
     @property
     def locking_fraction(self) -> float:
         """Share of the volume that plain P1 tets make too stiff: nu above 0.4; else zero."""
-        return 0.0 if self.order == 2 or self.averaged else locking_fraction(self.mesh)
+        return 0.0 if self.order == 2 else locking_fraction(self.mesh)
 
     @property
     def max_strain(self) -> float:

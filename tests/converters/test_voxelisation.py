@@ -2,7 +2,8 @@
 
 import numpy as np
 import pytest
-from autophyx_tet.converters.transfer import containing_tets, sample_material, voxelize
+from autophyx_tet.converters.embedding import containing_tets
+from autophyx_tet.converters.transfer import sample_material, voxelize
 from autophyx_tet.fem.mesh import TetMesh, box_mesh
 from autophyx_tet.predictors.field import MaterialField
 from autophyx_tet.predictors.grid import Grid
@@ -86,7 +87,7 @@ def test_containing_tet_agrees_with_its_region_and_volume():
     """The owner of a cell contains its centre: barycentric coordinates in [0, 1] sum to 1."""
     mesh = two_regions((3, 2, 2))
     grid = Grid.around(mesh.bounds, cells=16)
-    owner = containing_tets(mesh, grid)
+    owner = containing_tets(mesh, grid.centers())
     inside = owner >= 0
     corners = mesh.points[mesh.tets[owner[inside]]]
     system = np.concatenate([corners.transpose(0, 2, 1), np.ones((len(corners), 1, 4))], axis=1)

@@ -223,13 +223,10 @@ def distinguishable(one: SagResult, two: SagResult) -> Check:
 
 def locking(result: StaticResult | MotionResult) -> Check:
     """Whether the elements stand nearly incompressible materials, and bending."""
-    fraction, used = (
-        result.locking_fraction,
-        f"{'quadratic' if result.order == 2 else 'linear'} elements",
-    )
-    if isinstance(result, StaticResult):
-        used += " with pressures averaged around the nodes" if result.averaged else ""
-    elif not fraction and (coarse := too_coarse(result.stiffening)):
+    fraction = result.locking_fraction
+    used = f"{'quadratic' if result.order == 2 else 'linear'} elements"
+    moving = isinstance(result, MotionResult)
+    if moving and not fraction and (coarse := too_coarse(result.stiffening)):
         sentence = f"The answer is too stiff: {coarse} (limit {BENDS_ALIKE:g})."
         return Check("locking", False, result.stiffening, BENDS_ALIKE, sentence)
     if fraction == 0:
