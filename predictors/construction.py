@@ -15,7 +15,7 @@ import numpy as np
 from ..fem.errors import InputError
 from ..fem.note import Note
 from ..fem.table import Material, MaterialTable, Span
-from .text.hearing import name_words, stem
+from .text.parts import name_words, stem
 
 Form = Literal["solid", "walls in its shape", "shell", "unknown"]
 SHAPED: Form = "walls in its shape"

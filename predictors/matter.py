@@ -16,7 +16,8 @@ from ..fem.note import Note
 from ..fem.table import MaterialTable
 from .appearance.surface import to_linear
 from .field import Normalisation
-from .text.hearing import KINDS, EncodedClause, kind_of
+from .text.clauses import Clause
+from .text.parts import KINDS, kind_of
 
 # Of the log ratios so much is believed, and so much is added to that of the part that fits a kind
 # best, as what is spoken of is there. Fitted on either source of training, the log loss on the
@@ -27,12 +28,12 @@ _NOTHING = 1e-9  # of a share that is divided
 _ALIKE = 1e-3  # looks that differ by less are one: a quarter of a step of eight bits
 
 
-def matters(clauses: Sequence[EncodedClause]) -> Int[np.ndarray, "clauses"]:
+def matters(clauses: Sequence[Clause]) -> Int[np.ndarray, "clauses"]:
     """For each clause that speaks of matter alone its kind, as an index into ``KINDS``, else -1."""
     kinds = [
         None
         if any(kind_of(part) is None for part in clause.parts)
-        else kind_of(clause.phrase) or kind_of(clause.written)
+        else kind_of(clause.phrase) or kind_of(clause.text)
         for clause in clauses
     ]
     return np.array([-1 if kind is None else KINDS.index(kind) for kind in kinds], dtype=int)
@@ -89,7 +90,7 @@ def by_appearance(
 
 
 def typed_values(
-    clauses: Sequence[EncodedClause], table: MaterialTable, normalisation: Normalisation
+    clauses: Sequence[Clause], table: MaterialTable, normalisation: Normalisation
 ) -> Float[np.ndarray, "clauses 3"]:
     """Normalised values of the material that each clause names, NaN where it names none."""
     nothing = np.full(3, np.nan)

@@ -177,7 +177,7 @@ def strings(tree: ast.AST, *, inside: tuple[ast.AST, ...] = ()) -> Iterator[tupl
 # Names of categories, states and features, and words that the network is told.
 TABLES = (
     "fem/table.py", "predictors/construction.py", "predictors/matter.py",
-    "predictors/text/hearing.py",
+    "predictors/film/words.py",
 )  # fmt: skip
 
 

@@ -55,7 +55,7 @@ def with_named_walls(
     It is loaded where every text speaks of walls. Options go first; a wall on which texts do not
     agree, and one that holds something, are left to the material, as are those of a tet mesh.
     """
-    from ..predictors.text.interpreter import read_sentence
+    from ..predictors.text.reader import read_sentence
     from .asset.load import load_asset
     from .meshing.import_tets import SUFFIXES
 

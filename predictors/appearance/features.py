@@ -14,7 +14,7 @@ from ..asset import Asset, UpAxis, upright
 from ..encoders import ImageEncoder, load_encoder
 from ..encoders.registry import Encoder
 from ..grid import Grid, PartVoxels
-from ..text.hearing import bare_words
+from ..text.parts import bare_words
 from .lifting import Method, Rays, lift, ray_weights
 from .surface import gloss_of, opaque_density, random_points, skin_of, surface_voxels
 from .views import PIXELS, Camera, Views, hemisphere, render_views

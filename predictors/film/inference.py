@@ -22,9 +22,10 @@ from ..appearance.features import Appearance
 from ..asset import UpAxis
 from ..encoders.registry import TextEncoder
 from ..field import DEFAULT, Normalisation, read_weights
+from ..film.words import EncodedText, HintedEncoder
 from ..grid import PartVoxels, pooled
 from ..matter import MOST, by_appearance, by_look, matters, moved, typed_values
-from ..text.hearing import EncodedClause, EncodedText, HintedEncoder
+from ..text.clauses import Clause
 from .config import NetworkConfig
 from .unet import FilmUNet
 
@@ -44,7 +45,7 @@ class Inference(NamedTuple):
     several sides. ``of_pieces`` and ``unbound`` are as ``EncodedText`` has them.
     """
 
-    clauses: Sequence[EncodedClause]
+    clauses: Sequence[Clause]
     values: np.ndarray
     shares: np.ndarray
     spread: np.ndarray

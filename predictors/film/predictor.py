@@ -16,12 +16,12 @@ from ..appearance.features import Appearance
 from ..asset import UpAxis
 from ..encoders.registry import TextEncoder
 from ..field import MaterialField
+from ..film.words import hear
 from ..grid import PartVoxels
 from ..partition import Partition, match_clauses, partition
 from ..prediction import Binding, PartChoice, Prediction, field_of, unbound_by
 from ..resolve.resolve import Lookup, lookup_of, nearest_row
 from ..text.clauses import Sentence, bind
-from ..text.hearing import EncodedSentence, hear
 from .inference import FilmModel, Inference
 
 
@@ -67,7 +67,7 @@ class FilmPredictor:
         there = set(np.unique(parts.part).tolist())
         left_open = [i for i, choice in enumerate(choices) if not choice.settled and i in there]
         seen = appearance() if appearance else None
-        heard = hear(EncodedSentence.of(sentence), parts.part_labels, self.table, self.model.words)
+        heard = hear(sentence, parts.part_labels, self.table, self.model.words)
         found = self.model.infer(parts, heard, up=up, appearance=seen)
         if found.of_pieces:  # the text speaks of more parts than there are
             pieces = partition(parts, left_open, found.shares, found.clauses)
@@ -96,7 +96,7 @@ class FilmPredictor:
     def field(
         self,
         parts: PartVoxels,
-        sentence: EncodedSentence,
+        sentence: Sentence,
         *,
         up: UpAxis = "z",
         appearance: Appearance | None = None,
@@ -121,7 +121,7 @@ class FilmPredictor:
         clause = None if owner is None else found.clauses[owner]
         shares = found.shares[cells].mean(axis=0)
         share = float(shares[-1 if owner is None else owner])
-        text = None if clause is None else clause.written
+        text = None if clause is None else clause.text
         measured = text is not None and owner == shares.argmax() and not found.of_pieces
         certainty = self.certainty.of(share) if self.certainty and measured else None
         spread = float(found.spread[cells].mean())

@@ -16,7 +16,7 @@ from torch import Tensor, nn
 from torch.nn import functional as F
 
 from ..field import DEFAULT, Normalisation
-from ..text.hearing import CHANNELS, LOUDNESS
+from ..film.words import CHANNELS, LOUDNESS
 from .config import INPUTS, NO_CLAUSE, NetworkConfig, Output, VoxelScene, halve
 from .layers import FilmBlock, Listening, Modulation, masked_mean, mix, pool
 

@@ -147,28 +147,14 @@ def with_numbers(
     said, weighed = _one_each(part, numbers, warnings), False
     stress = said.get("E")
     if named and stress and not stress.called and not _near(row.E, stress.value):
-        warnings.append(
-            Note(
-                "numbers.part_modulus",
-                part=part,
-                text=stress.text,
-                name=row.name,
-                min=row.E.min,
-                max=row.E.max,
-            )
-        )
+        span = row.E._asdict()
+        other = Note("numbers.part_modulus", part=part, text=stress.text, name=row.name, **span)
+        warnings.append(other)
         del said["E"]
     if blend is not None:
         fibre = next((name for name in FIBRES if name in blend.material), None)
         if fibre is None:
-            warnings.append(
-                Note(
-                    "numbers.part_changes_known",
-                    part=part,
-                    share=blend.share,
-                    material=blend.material,
-                )
-            )
+            warnings.append(Note("numbers.part_changes_known", part=part, **vars(blend)))
         else:
             value, line = with_fibres(value, fibre, blend.share)
             how.append(line)
@@ -245,15 +231,8 @@ def _one_each(part: str, numbers: Sequence[Quantity], warnings: list[str]) -> di
         others = [q for q in found if not q.value / SAME <= values[0] <= q.value * SAME]
         texts = ", ".join(repr(number.text) for number in others)
         if max(values) > SAME * min(values):
-            warnings.append(
-                Note(
-                    "numbers.part_said",
-                    part=part,
-                    measure=measure,
-                    text=called[0].text,
-                    texts=texts,
-                )
-            )
+            twice = {"part": part, "measure": measure, "text": called[0].text, "texts": texts}
+            warnings.append(Note("numbers.part_said", **twice))
             continue
         chosen[measure] = called[0]
         if others:
@@ -284,18 +263,8 @@ def _of_mass(
         how.append(Note("numbers.rho_kg", rho=rho, text=mass.text, volume=volume))
         return value._replace(rho=rho)
     what, (low, high) = (row.name, row.rho) if named else (row.category, (low, high))
-    warnings.append(
-        Note(
-            "numbers.part_over",
-            part=part,
-            text=mass.text,
-            volume=volume,
-            rho=rho,
-            what=what,
-            low=low,
-            high=high,
-        )
-    )
+    over = {"part": part, "text": mass.text, "volume": volume, "rho": rho, "what": what}
+    warnings.append(Note("numbers.part_over", **over, low=low, high=high))
     return value
 
 

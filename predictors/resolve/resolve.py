@@ -37,9 +37,9 @@ from ..field import Normalisation
 from ..grid import PartVoxels
 from ..prediction import PartChoice, Prediction
 from ..text.clauses import GENERAL, Bound, Clause, Degree, Sentence, Subject, bind, names_object
-from ..text.hearing import SHARES, EncodedClause, NamedPart, allocate, stem, vocabulary_of
-from ..text.lexicon import parts_called, words
+from ..text.english import words
 from ..text.numerals import Comparison, Measure, Quantity
+from ..text.parts import LISTS, STRUCTURE, NamedPart, parts_called, stem, vocabulary_of
 from ..text.reader import parse
 from .numbers import as_stated, may_have, rubber_of, with_numbers
 from .similarity import RowKernel
@@ -139,7 +139,7 @@ class Lookup:
                 choices[i] = as_stated(choices[i])
         return WordChoices(choices, tuple(dict.fromkeys((*warnings, *more))))
 
-    def of_clause(self, part: str, clause: EncodedClause, why: str) -> PartChoice:
+    def of_clause(self, part: str, clause: Clause, why: str) -> PartChoice:
         """Choose for a part the material that a clause names, soft or stiff as its level says."""
         return self._decider.of_clause(part, clause, why)
 
@@ -241,7 +241,7 @@ def _allocated(
     if not lost:
         return out
     given = allocate(
-        [EncodedClause.of(clause) for clause in naming],
+        naming,
         [parts[i] for i in free],
         similarity=kernel.similarity,
         category=lambda phrase: table.exact(phrase).category,
@@ -250,6 +250,52 @@ def _allocated(
         if k is not None:
             out[i] = PartStatement((naming[k],), borrowed=True)
     return [replace(said, open=said.borrowed or not said.clauses) for said in out]
+
+
+# In the assignment of clauses that no word binds, against a cosine of 0 .. .6 between words:
+# steel goes to what the asset calls metal, and not to what it calls plastic.
+SAME_KIND, OTHER_KIND = 0.5, -0.2
+MAIN = 1.0  # of two clauses for one part, the frame's
+VOLUME, NAME_ORDER = 0.05, 1e-6  # between equals, the first clause takes the largest part
+
+
+def allocate(
+    clauses: Sequence[Clause],
+    parts: Sequence[NamedPart],
+    *,
+    similarity: Callable[[list[str], list[str]], np.ndarray],
+    category: Callable[[str], str],
+) -> list[int | None]:
+    """Give each clause one part that no word bound, so that all fit best together.
+
+    ``similarity`` is the cosine of two lists of texts, ``category`` the kind of a material phrase.
+    Returns the clause of each part, None for the parts that are left over.
+    """
+    from scipy.optimize import linear_sum_assignment
+
+    bound: list[int | None] = [None] * len(parts)
+    if not clauses or not parts:
+        return bound
+    nouns = [" ".join(clause.parts) or clause.told for clause in clauses]
+    score = similarity(nouns, [part.spoken for part in parts]).astype(np.float64)
+    total = sum(part.volume for part in parts) or 1.0
+    kind_of_part = [category(part.material) if part.material else "" for part in parts]
+    by_name = sorted(range(len(parts)), key=lambda i: parts[i].name)
+    for k, clause in enumerate(clauses):
+        first = (len(clauses) - k) / len(clauses)
+        said = {*clause.parts}
+        usual = [each["of"] for each in LISTS["usual"] if said & {*each["nouns"].split()}]
+        score[k] += MAIN * bool(said & STRUCTURE)
+        for rank, i in enumerate(by_name):
+            if kind := kind_of_part[i]:  # of the material that the asset itself names
+                same = clause.material is not None and kind == category(clause.material)
+                score[k, i] += (SAME_KIND if same else OTHER_KIND) + max(
+                    (weights.get(kind, 0.0) for weights in usual), default=0.0
+                )
+            score[k, i] += first * (VOLUME * parts[i].volume / total - NAME_ORDER * rank)
+    for k, i in zip(*linear_sum_assignment(score, maximize=True), strict=True):
+        bound[i] = int(k)
+    return bound
 
 
 # Parts said to be stiffer or lighter than others: values that keep these relations.
@@ -304,13 +350,8 @@ def with_relations(
                     beside = [_Beside(row.name, row.value(), None)]
                     out[i] = _related(out[i], relation, beside, named=named[i])
                 else:
-                    notes.append(
-                        Note(
-                            "resolve.part_compared",
-                            part=out[i].part,
-                            other=" ".join(relation.other),
-                        )
-                    )
+                    other = " ".join(relation.other)
+                    notes.append(Note("resolve.part_compared", part=out[i].part, other=other))
         for i in ready:
             del waiting[i]
     return out, notes
@@ -535,21 +576,15 @@ class Decider:
         named = dict.fromkeys(clause.material for clause in statement.clauses if clause.material)
         first, *others = named or [""]
         if others:
-            notes.append(
-                Note(
-                    "resolve.part_text",
-                    name=part.name,
-                    named=" and ".join(map(repr, named)),
-                    first=first,
-                    others=", ".join(map(repr, others)),
-                )
-            )
+            both, left = " and ".join(map(repr, named)), ", ".join(map(repr, others))
+            said = {"name": part.name, "named": both, "first": first, "others": left}
+            notes.append(Note("resolve.part_text", **said))
         notes += [
             f"part {part.name!r}: {doubt}" for doubt in dict.fromkeys(statement.all("doubts"))
         ]
         return replace(choice, unknown=statement.unknown), (*notes, *warnings)
 
-    def of_clause(self, part: str, clause: EncodedClause, why: str) -> PartChoice:
+    def of_clause(self, part: str, clause: Clause, why: str) -> PartChoice:
         """Choose for a part what a clause names, a predictor having found the part for it."""
         degree, named = _HEARD_DEGREE.get(clause.level), self.table.exact(clause.material or "")
         row = self._named(clause.phrase, named.name, degree)
@@ -725,7 +760,9 @@ DENSITY: dict[Degree, Span] = {
 # What is said to be flexible, floppy or pliable: rubbers, fabrics, films, and thin stiffer matter.
 FLEXIBLE = Span(1e5, 1e8)
 NEARLY = 1.5  # as light as the lightest that is as stiff: aluminium beside carbon fibre
-# Place of a degree in the logarithmic range of E or rho of a row that is named.
+# Place in the logarithmic range of E or rho of a row that is named, from "very soft" to "very
+# stiff": halves of its halves, and nearly its ends.
+SHARES = (0.04, 0.25, 0.5, 0.75, 0.96)
 PLACE: dict[Degree, float] = dict(zip(get_args(Degree), SHARES, strict=True))
 WATER = 1000.0  # [kg/m^3]
 # Words for behaviour -> the categories that behave so, by what each is known for (Ashby, fig. 4.7:
@@ -805,6 +842,15 @@ def value_at(
         near = _near(row.rho, DENSITY[density])
         value = value._replace(rho=near if absolute else _placed(row.rho, density))
     return value
+
+
+def material_at(
+    row: Material, *, stiffness: float | None = None, density: float | None = None
+) -> MaterialValue:
+    """Return E [Pa], nu [1], rho [kg/m^3] of a row at places [0, 1] of its ranges of E and rho."""
+    value = row.value(0.5 if stiffness is None else stiffness)
+    place = 0.5 if density is None else density
+    return value._replace(rho=row.rho.min ** (1 - place) * row.rho.max**place)
 
 
 def _near(span: Span, band: Span) -> float:

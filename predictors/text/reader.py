@@ -20,8 +20,8 @@ from typing import Any, Literal, NamedTuple
 from ...fem.errors import UsageError
 from ...fem.note import Note
 from ...fem.table import Material, MaterialTable
-from .clauses import Clause, Scope, Sentence, Subject
-from .lexicon import SHORT, Phrase, ReaderLexicon, known_parts, lexicon_of, places, words
+from .clauses import Bound, Clause, Scope, Sentence, Subject, bind
+from .english import Phrase, words
 from .lexing import (
     Lexed,
     Lexeme,
@@ -33,7 +33,9 @@ from .lexing import (
     point_back,
     puts_hue,
 )
+from .materials import SHORT, ReaderLexicon, lexicon_of
 from .numerals import Blend, Comparison, Quantity, counted_by
+from .parts import known_parts, places
 
 LONGEST = 4000  # characters: a page of notes; a book is a mistake
 _GROUPED = (
@@ -73,6 +75,16 @@ def parse(text: str, table: MaterialTable, names: Sequence[str] = ()) -> Sentenc
         tuple(dict.fromkeys([*lexed.notes, *(x.note for x in lexed.lexemes if x.note)])),
         _first_phrase(lexed.lexemes, {*grammar()["signs"], "sign"} - {"word"}),
     )
+
+
+def read_sentence(text: str, labels: Sequence[Sequence[str]], table: MaterialTable) -> Bound:
+    """Read a text, and say which of its clauses speak of which part.
+
+    text: What the user says of the object.
+    labels: For each part its name, then all other words that the asset has for it.
+    table: Whose rows are materials.
+    """
+    return bind(parse(text, table, [own[0] for own in labels]), labels)
 
 
 def _tokens(lexemes: Sequence[Lexeme], lexicon: ReaderLexicon) -> Iterator[Constituent]:

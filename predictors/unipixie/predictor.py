@@ -21,7 +21,7 @@ from ..grid import PartVoxels
 from ..prediction import PartChoice, Prediction
 from ..resolve.resolve import Lookup, lookup_of, nearest_row
 from ..text.clauses import Sentence, bind
-from ..text.hearing import NamedPart, own_name, vocabulary_of
+from ..text.parts import NamedPart, own_name, vocabulary_of
 from .inference import WEIGHTS, Cube, Found, Loaded, load_unipixie, one_torch_thread, voxels_on
 
 

@@ -170,7 +170,16 @@ def match(
     """
     options = changed_options(options or SimulateOptions(), given)
     to, to_stiff, output = path_of(to), path_of(to_stiff), path_of(output)
-    _check_options(options, to_stiff, with_nu=with_nu)
+    # Refuse what no fit does
+    if options.solver not in ("lbs", "spring"):
+        raise UsageError("match.nothing_to_fit", solver=options.solver)
+    if options.parameters is not None:
+        raise UsageError("match --parameters: it is what a match writes")
+    springs = options.solver == "spring"
+    if springs and with_nu:
+        raise UsageError("match --with-nu: springs have nu = 1/4")
+    if springs and to_stiff is not None and options.eta != SimulateOptions.eta:
+        raise UsageError("match --to-stiff: eta goes from soft to stiff, leave --eta out")
     if output is not None:
         check_file(output, (".npz",))
     started = time.perf_counter()
@@ -206,21 +215,6 @@ def match(
     return Match(fit=fits[0], stiff=None if len(fits) < 2 else fits[1], assumed=warnings, **told)
 
 
-def _check_options(options: SimulateOptions, stiff: Path | None, *, with_nu: bool) -> None:
-    """Refuse what no fit does."""
-    if options.solver not in ("lbs", "spring"):
-        raise UsageError(
-            f"match has nothing to fit of --solver {options.solver}: wanted --solver lbs or spring"
-        )
-    if options.parameters is not None:
-        raise UsageError("match --parameters: it is what a match writes")
-    springs = options.solver == "spring"
-    if springs and with_nu:
-        raise UsageError("match --with-nu: springs have nu = 1/4")
-    if springs and stiff is not None and options.eta != SimulateOptions.eta:
-        raise UsageError("match --to-stiff: eta goes from soft to stiff, leave --eta out")
-
-
 def _fitted_moduli(
     scene: Scene, model: ReducedModel, frames: EvenMotion, *, with_nu: bool
 ) -> MotionFit:
@@ -243,10 +237,7 @@ def _fitted_moduli(
 def _check_ends(stiffer: float) -> None:
     """Refuse a stiff end that is so many times as stiff [1] as the soft one, less than once."""
     if stiffer < 1:
-        raise InputError(
-            f"the motion of --to-stiff is {stiffer:.3g} times as stiff as that of --to: wanted "
-            "the softer one first"
-        )
+        raise InputError("match.order", stiffer=stiffer)
 
 
 def _scene(mesh: str | Path | TetMesh, options: SimulateOptions, up: UpAxis | None) -> Scene:
@@ -302,10 +293,7 @@ def read_motion(path: Path, points: int) -> EvenMotion:
     for moment, data in read_pvd(path):
         u = data.point_data.get("displacement")
         if u is None or u.shape != (points, 3):
-            raise InputError(
-                f"{path}: frame {len(frames)} has no displacement of {points} points: wanted a "
-                "motion of this mesh, as `simulate -o MOTION.pvd` writes"
-            )
+            raise InputError("match.other_mesh", path=path, frame=len(frames), points=points)
         times.append(moment)
         frames.append(np.asarray(u, dtype=float))
     steps = np.diff(times)

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -22,10 +22,7 @@ from ...fem.uncertainty import Draws, Exact, ranged_answers
 from ..asset.document import mesh_document
 from ..driving import DriveRecord
 from .description import describe, vector_words
-from .verdict import Verdict, as_table, in_a_line, si, with_doubts
-
-if TYPE_CHECKING:
-    from .checks import Check
+from .verdict import Check, as_table, in_a_line, si, with_doubts
 
 
 class Animation(NamedTuple):
@@ -64,8 +61,7 @@ class Simulation(ABC):
     def __repr__(self) -> str:
         return in_a_line(self)
 
-    def _repr_html_(self) -> str:
-        return as_table(self)
+    _repr_html_ = as_table
 
     @property
     def mesh(self) -> TetMesh:
@@ -131,14 +127,14 @@ class Simulation(ABC):
         """What the answer is held against, each with its number and threshold."""
         return ()
 
-    def verdicts(self) -> list[Verdict]:
-        """Findings in plain words: whether the mesh is the file's body, then every check."""
-        return with_doubts(list(self._judged), self.differences)
+    def verdicts(self) -> list[Check]:
+        """Whether the mesh is the file's body, then every check, those in doubt marked so."""
+        return with_doubts(self._checked, self.differences)
 
     @cached_property
-    def _judged(self) -> tuple[Verdict, ...]:
-        """Every check in words; what is printed, written and reported is judged once."""
-        return tuple(map(Verdict.of, self.checks()))
+    def _checked(self) -> Sequence[Check]:
+        """The checks: what is printed, written and reported is judged once."""
+        return self.checks()
 
     def write(self, path: Path) -> list[Path]:
         """Write the state shown as .vtu or .vtk, the motion as .pvd or .glb; return the files."""
@@ -164,7 +160,10 @@ class Simulation(ABC):
             **mesh_document(self.mesh),
             "scenario": self.scenario,
             "scene": [acting._asdict() for acting in describe(self.scene)],
-            self.kind: {**self.numbers, "verdicts": self.verdicts()},
+            self.kind: {
+                **self.numbers,
+                "verdicts": [found.document() for found in self.verdicts()],
+            },
             "seconds": self.seconds,
             **({} if self.driven is None else {"drive": self.driven.document()}),
             "warnings": (*self.warnings, *(self.driven.warnings if self.driven else ())),
@@ -268,14 +267,7 @@ class StaticSimulation(Simulation):
 
     def checks(self) -> Sequence[Check]:
         """Shape, buckling, mesh, explicit step, size, standing, strength, frequency, range."""
-        from .checks import (
-            first_frequency,
-            span_of_answers,
-            static_checks,
-            stays_upright,
-            strength,
-            with_unmade,
-        )
+        from .checks import first_frequency, span_of_answers, static_checks, stays_upright, strength
 
         checks = [
             *static_checks(self.solved, size_stated=self.size_stated),
@@ -286,7 +278,7 @@ class StaticSimulation(Simulation):
             checks.append(first_frequency(self.modes))
         if self.intervals is not None:
             checks.append(span_of_answers(*self.intervals.values()))
-        return with_unmade(checks)
+        return checks
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)

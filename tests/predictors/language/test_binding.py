@@ -2,7 +2,7 @@
 
 import pytest
 from autophyx_tet.predictors.text.clauses import bind
-from autophyx_tet.predictors.text.lexicon import part_name_words
+from autophyx_tet.predictors.text.parts import part_name_words
 from autophyx_tet.predictors.text.reader import parse
 
 
