@@ -59,6 +59,10 @@ class ConvertOptions:
     """Unit of the file's numbers; what states none is taken as metres, with a warning."""
     up: UpAxis | None = None
     """Axis that points up, COLMAP's is -y; by default the format's (glTF and OBJ: y, others: z)."""
+    opacity: float | None = None
+    """Splats below this opacity are haze, no matter; by default .1."""
+    crop: str | None = None
+    """Splats within this box alone, x,y,z,x,y,z in the file's units."""
     mesher: Annotated[str, choice(MESHERS, AUTO)] = AUTO
     """ftetwild keeps epsilon; stuffing is quick, auto for samples, large scans, time-outs."""
     edge_length_rel: float | None = None
@@ -87,6 +91,11 @@ class ConvertOptions:
     """Compute again and remember nothing."""
     seed: int = 0
     """Seed of everything random of ours; the tetrahedraliser itself varies by 2-3 % in tets."""
+
+    def loading(self) -> dict[str, Any]:
+        """Return what ``load_asset`` takes."""
+        names = ("size", "units", "up", "opacity", "crop")
+        return {name: getattr(self, name) for name in names}
 
     def engine(self) -> dict[str, Any]:
         """Return the options of the tetrahedraliser; size, units and up belong to loading."""

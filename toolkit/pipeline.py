@@ -101,7 +101,7 @@ def convert(
         asset, mesh, report = import_tets(asset, **scale)  # it is a tet mesh already
     else:
         if not isinstance(asset, Asset):
-            asset = load_asset(asset, **scale)
+            asset = load_asset(asset, **options.loading())
         asset, walls = _with_rooms(asset, walls, options)
 
         def first(mesh: TetMesh) -> None:

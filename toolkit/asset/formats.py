@@ -13,6 +13,7 @@ from urllib.parse import unquote
 
 import numpy as np
 
+from ...converters.points.views import Pruning
 from ...converters.registry import Format
 from ...fem.errors import AutophyxError, InputError
 from ...fem.registry import Registry
@@ -85,12 +86,16 @@ class References:
     folder: The folder of the asset; a reference that leads out of it is refused.
     materials: Material names for which a missing material file is replaced by bare entries, so that
         the names of the parts survive.
+    pruning: Which splats are matter.
     """
 
-    def __init__(self, folder: Path, *, materials: tuple[str, ...] = ()) -> None:
+    def __init__(
+        self, folder: Path, *, materials: tuple[str, ...] = (), pruning: Pruning | None = None
+    ) -> None:
         self.folder = folder.resolve()
         self.materials = materials
         self.found: dict[str, bytes] = {}
+        self.pruning = pruning or Pruning()
         self.warnings: list[str] = []
 
     def get(self, name: str) -> bytes:

@@ -15,10 +15,11 @@ import numpy as np
 
 from ...converters.carriers import is_density
 from ...converters.grids import density_surface, read_density
-from ...converters.points.table import read_points
-from ...converters.points.views import splat_surface
+from ...converters.points.table import PointTable, read_points
+from ...converters.points.views import splat_body
 from ...converters.registry import Format, Keeps
 from ...fem.errors import InputError
+from ...predictors.asset import UpAxis
 from .formats import AssetContent, NamedSurface, References
 
 if TYPE_CHECKING:
@@ -351,10 +352,16 @@ def read_carrier(path: Path, data: bytes, references: References) -> AssetConten
         return AssetContent([surface], metres=metres, samples=f"a grid of {cells} cells")
     table = read_points(path)
     if table.is_splat:
-        surface, samples = NamedSurface(splat_surface(table)), f"{len(table):,} Gaussians"
-        return AssetContent([surface], samples=samples)
+        return splat_content(table, references, up="y" if path.suffix.lower() == ".spz" else "-y")
     positions = table.positions
     return AssetContent([], cloud=positions[np.isfinite(positions).all(axis=1)])
+
+
+def splat_content(table: PointTable, references: References, *, up: UpAxis) -> AssetContent:
+    """The surface of splats: y points down in COLMAP, whose cameras most are trained by."""
+    surface, told = splat_body(table, references.pruning)
+    samples = f"{len(table):,} Gaussians"
+    return AssetContent([NamedSurface(surface)], up_guess=up, samples=samples, warnings=tuple(told))
 
 
 _SPLATS, _CLOUDS = (".splat", ".spz", ".ksplat"), (".pcd", ".las", ".laz")

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ...fem.errors import NoVolumeError, UsageError
-from ...fem.mesh import TetMesh
+from ...fem.mesh import TetMesh, signed_volumes
 from ...predictors.asset import Asset, Part
 from ..asset.cache import Runner
 from ..asset.child import ChildFailure, Progress
@@ -20,11 +20,12 @@ from ..asset.repair import WELD_REL, Closing, RepairReport, repair
 from ..asset.solids import Shell, Solids, hollowed, sheet_faces, thickened
 from ..asset.surface import Surface
 from ..asset.triangles import Triangles, closest, edge_components, enclosed_volume
-from .floaters import without_floaters
+from .floaters import SPECK, without_floaters
 from .ftetwild import FORESEEN, EngineTarget, Filling, LatticeFit, NoFilling
 from .guarantees import (
     BROKEN,
     ENVELOPE_SHARE,
+    LATTICE_VOLUME,
     LEFT_OUT,
     MOST_LOST,
     Attempt,
@@ -49,7 +50,12 @@ from .meshers import AUTO, FTETWILD, MESHERS, STUFFING, chosen_mesher
 from .messages import differences, left_out, likely_hollow, listed, no_mesh, no_volume, said
 from .quality import Quality, quality
 from .stuffing.mesher import resolving
+from .stuffing.pieces import pieces_of
 
+# Of the surface through splats or points: a body that lacks more of it is another one.
+MOST_GUESSED = 0.4
+# Of the volume: pieces of such a body that a lattice may cut off; told, as they may be real.
+SCATTERED = 0.25
 # What a lattice may miss without a warning.
 BAD_VOLUME = 0.01  # relative error of a part's volume in a lattice
 CLOSED_SURFACE = 1e-3  # share of all surface from which tets reach over a gap: four rays
@@ -125,6 +131,9 @@ def tetrahedralize(
     ready = preparation.prepared(epsilon=target.epsilon, rng=rng)
     if not ready.solids.shells:
         raise NoVolumeError(no_volume(asset, target.envelope))
+    scattered = asset.sampled and ready.losses.lost_area > MOST_GUESSED
+    if scattered and not accept_broken:
+        raise NoVolumeError("messages.scattered", name=asset.name, share=ready.losses.lost_area)
     if not (ready.losses.bearable or accept_broken):
         raise NoVolumeError(left_out(asset, ready.losses, target.envelope))
     volume = input_volume(ready.solids, len(asset.parts), rng=rng)
@@ -289,7 +298,18 @@ class Problem:
     max_tets: int | None
 
     def judged(self, filling: Filling, epsilon: float) -> Made:
-        """Measure a filling of the solids and hold it against ``epsilon`` [m]."""
+        """Measure a filling of the solids and hold it against ``epsilon`` [m].
+
+        Of surfaces that are samples specks of tets are left out: their thin places are noise.
+        """
+        if self.asset.sampled and filling.lattice is not None:
+            piece, volumes = pieces_of(filling.mesh.tets), signed_volumes(*filling.mesh[:2])
+            size = np.bincount(piece, weights=volumes)
+            kept = (size >= SPECK * size.sum())[piece]
+            mesh = filling.mesh._replace(
+                tets=filling.mesh.tets[kept], origin=filling.mesh.origin[kept]
+            )
+            filling = filling._replace(mesh=mesh, part=filling.part[kept])
         names = self.asset.part_names
         present, region = np.unique(filling.part, return_inverse=True)
         mesh = TetMesh(
@@ -310,7 +330,8 @@ class Problem:
             volumes = dict(zip(mesh.region_names, mesh.region_volumes().tolist(), strict=True))
             parted = filling.lattice.parted_shares.items()
             off = sum(share * volumes[names[part]] for part, share in parted)
-            kept = lattice_guarantees(mesh, measured, self.volume, off)
+            most = SCATTERED if self.asset.sampled else LATTICE_VOLUME
+            kept = lattice_guarantees(mesh, measured, self.volume, off, most)
         return Made(filling, mesh, distances, measured, kept, epsilon)
 
 

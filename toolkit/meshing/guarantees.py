@@ -557,11 +557,15 @@ LATTICE_VOLUME = 0.05  # relative error of volume that a lattice may have: more 
 
 
 def lattice_guarantees(
-    mesh: TetMesh, measured: Quality, volume: InputVolume, parted: float
+    mesh: TetMesh,
+    measured: Quality,
+    volume: InputVolume,
+    parted: float,
+    most_parted: float = LATTICE_VOLUME,
 ) -> tuple[Guarantee, ...]:
     """What a lattice promises: good tets, a closed boundary and the volume, but no distance.
 
-    ``parted`` [m^3] is in pieces that have come off larger ones.
+    ``parted`` [m^3] is in pieces that have come off larger ones, a share ``most_parted`` at most.
     """
     beyond = max(SHARPEST - measured.dihedral_min, measured.dihedral_max - BLUNTEST, 0.0)
     missed = max(abs(mesh.volume / volume.total - 1) - volume.uncertainty, 0.0)
@@ -569,7 +573,7 @@ def lattice_guarantees(
         *sound(mesh, measured),
         Guarantee("dihedral angle beyond 9 to 166 degrees", beyond, 0, "degrees"),
         Guarantee("relative error of volume", missed, LATTICE_VOLUME),
-        Guarantee("share of volume in pieces that fell off", parted / mesh.volume, LATTICE_VOLUME),
+        Guarantee("share of volume in pieces that fell off", parted / mesh.volume, most_parted),
     )
 
 
