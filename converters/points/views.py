@@ -230,6 +230,7 @@ _CUT = 0.2  # of the density at the splats' own centres: low, since a shell has 
 _FINE = 0.75  # of what a splat covers: cells so large see a rod as thick as that
 _WIDE = 90  # percentile of the sizes of splats that cells must hold, unclamped, for a whole shell
 _FEWEST, _MOST = 32, 192  # cells along the longest side
+_SURFACE = 30_000  # cells that a shell has: some 60,000 triangles, of which a lattice shows a tenth
 _NEIGHBOURS, _ASKED = 4, 2_000  # the fourth nearest splat, of so many, tells how far they lie apart
 
 
@@ -346,13 +347,18 @@ def _cells(splats: Gaussians, tree: KDTree) -> int:
     """Cells along the longest side that are no smaller than splats, nor than the gaps between.
 
     Nor so small that the larger splats are clamped to ``MAX_REACH`` of them: these would leave
-    holes in a shell that they cover.
+    holes in a shell that they cover. Their number grows with the square, of a shell's surface.
     """
     size = splats.sigmas.max(axis=1)
     covered = _covered(splats.sigmas, splats.means, tree) * _FINE
     covered = max(covered, REACH / MAX_REACH * float(np.percentile(size, _WIDE)))
     longest = float(np.ptp(splats.means, axis=0).max())
-    return int(np.clip(longest / covered, _FEWEST, _MOST)) if covered else _FEWEST
+    if not covered:
+        return _FEWEST
+    places = np.floor((splats.means - splats.means.min(axis=0)) * (_COARSE / longest)).astype(int)
+    taken = len(np.unique(places, axis=0))
+    most = min(_MOST, int(_COARSE * (_SURFACE / taken) ** 0.5))
+    return int(np.clip(longest / covered, _FEWEST, max(most, _FEWEST)))
 
 
 def _covered(sigmas: np.ndarray, means: np.ndarray, tree: KDTree) -> float:

@@ -306,9 +306,11 @@ class Problem:
             piece, volumes = pieces_of(filling.mesh.tets), signed_volumes(*filling.mesh[:2])
             size = np.bincount(piece, weights=volumes)
             kept = (size >= SPECK * size.sum())[piece]
+            used, tets = np.unique(filling.mesh.tets[kept], return_inverse=True)
             mesh = filling.mesh._replace(
-                tets=filling.mesh.tets[kept], origin=filling.mesh.origin[kept]
-            )
+                points=filling.mesh.points[used], tets=tets.reshape(-1, 4).astype(np.int32),
+                origin=filling.mesh.origin[kept],
+            )  # fmt: skip
             filling = filling._replace(mesh=mesh, part=filling.part[kept])
         names = self.asset.part_names
         present, region = np.unique(filling.part, return_inverse=True)

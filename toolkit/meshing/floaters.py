@@ -75,6 +75,7 @@ def without_floaters(asset: Asset, keep: str | None) -> Kept:
         if mine.any():
             mesh = one.mesh if mine.all() else one.mesh.copy()
             mesh.update_faces(mine)
+            mesh.remove_unreferenced_vertices()
             parts.append(replace(one, mesh=mesh))
     share = float(volume[loose].sum() / volume.sum())
     return Kept(replace(asset, parts=tuple(parts)), int(loose.sum()), share)
