@@ -123,24 +123,38 @@ def bar(kind, name, size, cells, *, load="shear", E=1e9, nu=0.3, ends=(0,), **sh
 
 def jitter(size, amount, seed):
     """Points moved at random [m], those of a face within it."""
+
     def warp(p):
         move = np.random.default_rng(seed).uniform(-amount, amount, p.shape)
         outer = (np.abs(p) < 1e-9) | (np.abs(p - size) < 1e-9)
         return p + np.where(outer, 0.0, move)
+
     return warp
 
 
 def built_cases() -> Iterator[Case]:
     """Sixty-eight bodies of fourteen kinds."""
-    for n, cells in ((5, (5, 1, 1)), (10, (10, 1, 1)), (20, (20, 1, 1)), (50, (40, 1, 1)),
-                     (50, (20, 1, 1)), (5, (10, 2, 2)), (10, (14, 2, 2)), (20, (20, 2, 2)),
-                     (4, (8, 3, 3)), (3, (5, 4, 4)), (2, (3, 3, 3)), (10, (4, 1, 1))):
+    for n, cells in (
+        (5, (5, 1, 1)),
+        (10, (10, 1, 1)),
+        (20, (20, 1, 1)),
+        (50, (40, 1, 1)),
+        (50, (20, 1, 1)),
+        (5, (10, 2, 2)),
+        (10, (14, 2, 2)),
+        (20, (20, 2, 2)),
+        (4, (8, 3, 3)),
+        (3, (5, 4, 4)),
+        (2, (3, 3, 3)),
+        (10, (4, 1, 1)),
+    ):
         name = f"cantilever 1:{n}, " + " x ".join(map(str, cells))
         yield bar("cantilever", name, (n, 1, 1), cells)
     for k in (1, 2):
         yield bar("plate", f"plate {k} thick, tip", (1, 1, 0.05), (6, 6, k))
-        yield bar("plate", f"plate {k} thick, two edges", (1, 1, 0.05), (6, 5, k), load="top",
-                  ends=(0, 1))
+        yield bar(
+            "plate", f"plate {k} thick, two edges", (1, 1, 0.05), (6, 5, k), load="top", ends=(0, 1)
+        )
     yield bar("plate", "plate 1:50, its weight", (1, 0.6, 0.02), (8, 5, 1), load="gravity")
     for nu in (0.45, 0.49, 0.499):
         for moved in (True, False):
@@ -151,16 +165,27 @@ def built_cases() -> Iterator[Case]:
                 held = held_at(mesh, (bottom,), (top, (0, 1, 2), (0, 0, -0.02)))
                 yield Case(name, "pad", Scene(mesh=mesh, supports=held))
             else:
-                part = flat(mesh, 2, 0.4, lambda x, y, z: np.maximum(abs(x - 0.5), abs(y - 0.5)) < 0.25)
+                part = flat(
+                    mesh, 2, 0.4, lambda x, y, z: np.maximum(abs(x - 0.5), abs(y - 0.5)) < 0.25
+                )
                 load = Traction(part, np.array((0, 0, -1e3)))
-                yield Case(name, "pad", Scene(mesh=mesh, supports=held_at(mesh, (bottom,)), tractions=(load,)))
+                yield Case(
+                    name,
+                    "pad",
+                    Scene(mesh=mesh, supports=held_at(mesh, (bottom,)), tractions=(load,)),
+                )
     yield bar("pad", "cantilever of nu .499", (5, 1, 1), (8, 2, 2), nu=0.499)
     for n, k in ((4, 1), (6, 1), (6, 2)):
         mesh = made(body((1, 1, 0.2), (n, n, k), lambda x, y, z: (x < 0.5) | (y < 0.5)))
         load = Traction(flat(mesh, 0, 1.0), np.array((0, -1e3, 0)))
         held = held_at(mesh, (flat(mesh, 1, 1.0),))
-        yield Case(f"bracket of {n} x {n} x {k}", "bracket", Scene(mesh=mesh, supports=held, tractions=(load,)))
+        yield Case(
+            f"bracket of {n} x {n} x {k}",
+            "bracket",
+            Scene(mesh=mesh, supports=held, tractions=(load,)),
+        )
     for n in (2, 3):
+
         def hole(p):  # squares around the middle become circles near it
             q = p[:, :2] - 0.5
             ring = np.abs(q).max(axis=1)
@@ -169,24 +194,52 @@ def built_cases() -> Iterator[Case]:
             out = p.copy()
             out[:, :2] = 0.5 + q * (1 - s + s * (ring / np.maximum(round_, 1e-9))[:, None])
             return out
+
         keep = lambda x, y, z: np.maximum(abs(x - 0.5), abs(y - 0.5)) > 0.125
-        yield bar("hole", f"plate with a hole, {4 * n} cells", (1, 1, 0.1), (4 * n, 4 * n, 1) if n == 2 else (8, 8, 1),
-                  load="pull" if n == 2 else "shear", keep=keep, warp=hole)
+        yield bar(
+            "hole",
+            f"plate with a hole, {4 * n} cells",
+            (1, 1, 0.1),
+            (4 * n, 4 * n, 1) if n == 2 else (8, 8, 1),
+            load="pull" if n == 2 else "shear",
+            keep=keep,
+            warp=hole,
+        )
     for n in (2, 3):
         keep = lambda x, y, z: (abs(x - 1.5) > 0.26) | (z < 0.5)
-        yield bar("notch", f"notched bar {n}", (3, 0.5, 1), (6 if n == 2 else 12, 1, 2 if n == 2 else 4), load="pull", keep=keep)
+        yield bar(
+            "notch",
+            f"notched bar {n}",
+            (3, 0.5, 1),
+            (6 if n == 2 else 12, 1, 2 if n == 2 else 4),
+            load="pull",
+            keep=keep,
+        )
     for contrast in (1, 10, 1e3, 1e5):
-        yield bar("two materials", f"sandwich, contrast {contrast:g}", (4, 1, 1), (8, 2, 2),
-                  E=lambda x, y, z, k=contrast: np.where(z < 0.5, 1e9, 1e9 / k))
-        yield bar("two materials", f"in series, contrast {contrast:g}", (4, 1, 1), (8, 2, 2), load="pull",
-                  E=lambda x, y, z, k=contrast: np.where(x < 2, 1e9, 1e9 / k))
+        yield bar(
+            "two materials",
+            f"sandwich, contrast {contrast:g}",
+            (4, 1, 1),
+            (8, 2, 2),
+            E=lambda x, y, z, k=contrast: np.where(z < 0.5, 1e9, 1e9 / k),
+        )
+        yield bar(
+            "two materials",
+            f"in series, contrast {contrast:g}",
+            (4, 1, 1),
+            (8, 2, 2),
+            load="pull",
+            E=lambda x, y, z, k=contrast: np.where(x < 2, 1e9, 1e9 / k),
+        )
     for n in (2, 3):
         yield bar("cube", f"cube of {n}, pressed", (1, 1, 1), (n, n, n), load="top")
     yield bar("torsion", "twisted bar 8", (4, 1, 1), (8, 2, 2), load="torsion")
     yield bar("torsion", "twisted bar 5", (3, 1, 1), (5, 3, 3), load="torsion")
     yield bar("hanging", "hanging bar", (4, 1, 1), (8, 2, 2), load="hanging")
     yield bar("hanging", "hanging bar of nu .49", (2, 1, 1), (4, 3, 3), load="hanging", nu=0.49)
-    yield bar("hanging", "sagging between walls", (8, 1, 1), (12, 2, 2), load="gravity", ends=(0, 1))
+    yield bar(
+        "hanging", "sagging between walls", (8, 1, 1), (12, 2, 2), load="gravity", ends=(0, 1)
+    )
     for name, size, cells, axes, by in (
         ("pulled", (4, 1, 1), (8, 2, 2), (0, 1, 2), (0.01, 0, 0)),
         ("sheared", (5, 1, 1), (10, 2, 2), (0, 1, 2), (0, 0, 0.05)),
@@ -198,40 +251,56 @@ def built_cases() -> Iterator[Case]:
         mesh, along = made(body(size, cells)), 2 if "pad" in name else 0
         held = held_at(mesh, (flat(mesh, along, 0.0),), (flat(mesh, along, size[along]), axes, by))
         yield Case(f"moved: {name}", "moved", Scene(mesh=mesh, supports=held))
-    for name, size, cells in (("bar", (6, 1, 1), (8, 2, 2)), ("short bar", (2, 1, 1), (4, 3, 3)),
-                              ("plate", (1, 0.4, 0.05), (8, 4, 1))):
+    for name, size, cells in (
+        ("bar", (6, 1, 1), (8, 2, 2)),
+        ("short bar", (2, 1, 1), (4, 3, 3)),
+        ("plate", (1, 0.4, 0.05), (8, 4, 1)),
+    ):
         mesh = made(body(size, cells))
         held = held_at(mesh, (flat(mesh, 0, 0.0),), (flat(mesh, 0, size[0]),))
         top = flat(mesh, 2, size[2], lambda x, y, z, L=size[0]: x < 0.5 * L)
         scene = Scene(mesh=mesh, supports=held, tractions=(pressure(mesh, top, 1e3),))
         yield Case(f"{name} between walls, loaded aside", "two supports", scene)
     yield bar("bad elements", "jittered", (5, 1, 1), (10, 2, 2), warp=jitter((5, 1, 1), 0.15, 1))
-    yield bar("bad elements", "jittered more", (5, 1, 1), (7, 3, 3), warp=jitter((5, 1, 1), 0.11, 3))
+    yield bar(
+        "bad elements", "jittered more", (5, 1, 1), (7, 3, 3), warp=jitter((5, 1, 1), 0.11, 3)
+    )
     yield bar("bad elements", "flat cells", (1, 1, 0.05), (3, 3, 3))
     yield bar("bad elements", "needles", (5, 1, 1), (2, 4, 4))
     # Things: of boxes, and bent
-    chair = lambda x, y, z: ((z > 0.4) & (z < 0.5)) | ((z > 0.5) & (y > 0.4)) | (
-        (z < 0.4) & (abs(x - 0.25) > 0.15) & (abs(y - 0.25) > 0.15))
+    chair = lambda x, y, z: (
+        ((z > 0.4) & (z < 0.5))
+        | ((z > 0.5) & (y > 0.4))
+        | ((z < 0.4) & (abs(x - 0.25) > 0.15) & (abs(y - 0.25) > 0.15))
+    )
     table = lambda x, y, z: (z > 0.6) | ((abs(x - 0.5) < 0.13) & (abs(y - 0.5) < 0.13)) | (z < 0.1)
     frame = lambda x, y, z: (x < 0.2) | (x > 0.8) | (z > 0.8)
     channel = lambda x, y, z: (z < 0.25) | (y < 0.25) | (y > 0.75)
     tee = lambda x, y, z: (z > 0.75) | (abs(y - 0.5) < 0.17)
     for name, size, cells, keep, base in (
-        ("chair", (0.5, 0.5, 0.9), (5, 5, 9), chair, 2), ("table", (1, 1, 0.7), (4, 4, 7), table, 2),
-        ("frame", (1, 0.2, 1), (5, 1, 5), frame, 2), ("channel", (3, 1, 1), (6, 4, 4), channel, 0),
+        ("chair", (0.5, 0.5, 0.9), (5, 5, 9), chair, 2),
+        ("table", (1, 1, 0.7), (4, 4, 7), table, 2),
+        ("frame", (1, 0.2, 1), (5, 1, 5), frame, 2),
+        ("channel", (3, 1, 1), (6, 4, 4), channel, 0),
         ("tee", (2, 1, 1), (5, 3, 4), tee, 0),
     ):
         mesh = made(body(size, cells, keep), 2e9, 0.35)
         held = held_at(mesh, (flat(mesh, base, 0.0),))
         yield Case(name, "thing", Scene(mesh=mesh, supports=held, gravity_vector=(0, 2.0, -9.81)))
+
     def bent(p):
         a, r = np.pi / 2 * p[:, 0] / 4, 1.5 + p[:, 2]
         return np.column_stack([r * np.sin(a), p[:, 1], r * np.cos(a)])
+
     def waist(p):
         thin = 0.4 + 0.6 * (2 * p[:, :1] - 1) ** 2
         return np.hstack([p[:, :1], 0.5 + (p[:, 1:] - 0.5) * thin])
-    for name, size, cells, warp in (("hook", (4, 1, 1), (8, 2, 2), bent), ("waist", (1, 1, 1), (6, 3, 3), waist),
-                                    ("thin hook", (4, 1, 0.2), (10, 3, 1), bent)):
+
+    for name, size, cells, warp in (
+        ("hook", (4, 1, 1), (8, 2, 2), bent),
+        ("waist", (1, 1, 1), (6, 3, 3), waist),
+        ("thin hook", (4, 1, 0.2), (10, 3, 1), bent),
+    ):
         mesh = made(body(size, cells, None, warp), 2e9, 0.35)
         low = mesh.points[:, 0].min()
         held = held_at(mesh, (flat(mesh, 0, float(low)),))
@@ -257,9 +326,11 @@ def random_cases(kind: str, count: int = 24) -> Iterator[Case]:
         size = cells * rng.uniform(0.3, 1.0, 3) * 10 ** rng.uniform(-0.3, 0.3)
         corner, side = rng.uniform(0.35, 0.75, 3), rng.choice([-1, 1], 3)
         cut = rng.random() < 0.5
+
         def keep(x, y, z, size=size, corner=corner, side=side, cut=cut):
             q = np.stack([x, y, z], axis=1) / size - 0.5
             return ~((side * q > corner - 0.5).all(axis=1) & cut)
+
         nu, k = rng.choice([0.0, 0.2, 0.3, 0.45, 0.49]), 10 ** rng.uniform(0, 3)
         axis, two = int(rng.integers(3)), rng.random() < 0.3
         E = lambda x, y, z, a=axis, k=k, s=size: np.where((x, y, z)[a] < s[a] / 2, 1e9, 1e9 / k)
@@ -279,7 +350,9 @@ def random_cases(kind: str, count: int = 24) -> Iterator[Case]:
         elif load == 1:
             known["tractions"] = (Traction(end, rng.normal(size=3) * 1e3),)
         else:
-            held = held.with_fixed(np.unique(end), (0, 1, 2), rng.normal(size=3) * 1e-2 * size.min())
+            held = held.with_fixed(
+                np.unique(end), (0, 1, 2), rng.normal(size=3) * 1e-2 * size.min()
+            )
         yield Case(f"{kind} {number}", kind, Scene(mesh=mesh, supports=held, **known))
 
 
@@ -297,8 +370,12 @@ def refined(scene: Scene) -> Scene:
         a, b, c = load.faces.T.tolist()
         middle = lambda p, q: [number[min(e), max(e)] for e in zip(p, q, strict=True)]
         ab, bc, ca = middle(a, b), middle(b, c), middle(c, a)
-        faces = np.concatenate([np.transpose(f) for f in ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))])
-        loads.append(Traction(faces, np.tile(np.broadcast_to(load.value, load.faces.shape), (4, 1))))
+        faces = np.concatenate(
+            [np.transpose(f) for f in ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))]
+        )
+        loads.append(
+            Traction(faces, np.tile(np.broadcast_to(load.value, load.faces.shape), (4, 1)))
+        )
     forces = scene.forces
     if forces is not None:
         forces = np.vstack([forces, np.zeros((len(space.edges), 3))])
@@ -307,7 +384,11 @@ def refined(scene: Scene) -> Scene:
 
 def answer(scene: Scene, *, ringing: bool) -> dict:
     """What the errors are of: twice the potential, displacement, forces of places, frequency."""
-    loads = {"gravity_vector": scene.gravity_vector, "traction": scene.tractions, "forces": scene.forces}
+    loads = {
+        "gravity_vector": scene.gravity_vector,
+        "traction": scene.tractions,
+        "forces": scene.forces,
+    }
     rest = solve_static(scene.mesh, scene.held, order=2, **loads)
     held = node_supports(scene.held, rest.space)
     work = float((rest.reaction * np.where(held.fixed, held.values, 0.0)).sum())
@@ -346,11 +427,17 @@ def reference(case: Case) -> dict:
         at = [np.linalg.norm(a["moved"][node]) for a in (coarse, middle, fine)]
         note("displacement", np.array(at[2] - at[0]), np.array(at[2] - at[1]), float(u.max()))
     size = np.linalg.norm(coarse["places"], axis=1)
-    off = np.linalg.norm((fine["places"] - coarse["places"]) + left * (fine["places"] - middle["places"]), axis=1)
+    off = np.linalg.norm(
+        (fine["places"] - coarse["places"]) + left * (fine["places"] - middle["places"]), axis=1
+    )
     if len(size) > 1:
         worst = int(np.where(size > 0.01 * size.max(), off / size, 0).argmax())
-        note("reaction", fine["places"][worst] - coarse["places"][worst],
-             fine["places"][worst] - middle["places"][worst], size[worst])
+        note(
+            "reaction",
+            fine["places"][worst] - coarse["places"][worst],
+            fine["places"][worst] - middle["places"][worst],
+            size[worst],
+        )
     if ringing:
         f = [float(a["modes"].frequencies[0]) for a in (coarse, middle, fine)]
         note("frequency", np.array(f[2] - f[0]), np.array(f[2] - f[1]), f[0])
@@ -359,8 +446,13 @@ def reference(case: Case) -> dict:
     if patch is not None:
         around, top = patch
         grid = discretise(rest.mesh, 2)
-        here = linear_stress(displacement_gradients(grid, rest.node_displacement, CHILDREN), rest.mesh.material)
-        once_, twice = (a["stress"].reshape(len(rest.mesh.tets), 8, -1, 3, 3).mean(axis=2) for a in (middle, fine))
+        here = linear_stress(
+            displacement_gradients(grid, rest.node_displacement, CHILDREN), rest.mesh.material
+        )
+        once_, twice = (
+            a["stress"].reshape(len(rest.mesh.tets), 8, -1, 3, 3).mean(axis=2)
+            for a in (middle, fine)
+        )
         change, last = (twice - here)[around], (twice - once_)[around]
         full = np.sqrt((von_mises(change + left * last) ** 2).mean())
         out["stress"] = float(full / von_mises(here[top]).max())
@@ -373,10 +465,13 @@ def told(case: Case, *, ringing: bool) -> tuple[dict, tuple]:
     rest = METHODS["statics"].solve(case.scene, law="linear")
     error = rest.discretisation_error
     found = {"displacement": error.value} | {
-        name: getattr(error, name) for name in ("energy", "reaction", "stress")}
+        name: getattr(error, name) for name in ("energy", "reaction", "stress")
+    }
     if ringing:
         still = replace(case.scene.held, values=0 * case.scene.held.values)
-        found["frequency"] = METHODS["modal"].solve(replace(case.scene, supports=still, modes=4), order=2).error
+        found["frequency"] = (
+            METHODS["modal"].solve(replace(case.scene, supports=still, modes=4), order=2).error
+        )
     return found, error.places
 
 
@@ -384,7 +479,9 @@ def cost(tets: tuple[int, ...] = (6, 8, 10)) -> list[dict]:
     """CPU seconds of the estimate and of the quadratic solve, on bodies that are new to both."""
     rows = []
     for shape, cells in [((5, 1, 1), (5 * k, k, k)) for k in tets] + [
-        ((1, 1, 0.03), (40, 40, 1)), ((1, 1, 1), (11, 11, 11))]:
+        ((1, 1, 0.03), (40, 40, 1)),
+        ((1, 1, 1), (11, 11, 11)),
+    ]:
         for turn in range(2):  # the first loads the kernels
             case = bar("cost", "", shape, cells if turn else (4, 2, 1), load="gravity")
             scene, start = case.scene, time.process_time()
@@ -393,8 +490,14 @@ def cost(tets: tuple[int, ...] = (6, 8, 10)) -> list[dict]:
             middle = time.process_time()
             find_discretisation_error(rest, scene.held, None, **loads)
             end = time.process_time()
-        rows.append({"tets": len(scene.mesh.tets), "solve": middle - start, "estimate": end - middle,
-                     "share": (end - middle) / (middle - start)})
+        rows.append(
+            {
+                "tets": len(scene.mesh.tets),
+                "solve": middle - start,
+                "estimate": end - middle,
+                "share": (end - middle) / (middle - start),
+            }
+        )
     return rows
 
 
@@ -417,7 +520,13 @@ def main() -> None:
             if case.name not in known:
                 start = time.process_time()
                 known[case.name] = reference(case)
-                print(case.name, time.process_time() - start, known[case.name], file=sys.stderr, flush=True)
+                print(
+                    case.name,
+                    time.process_time() - start,
+                    known[case.name],
+                    file=sys.stderr,
+                    flush=True,
+                )
                 options.references.write_text(json.dumps(known, indent=0))
         return None
     known, rows = json.loads(DATA.read_text())["cases"], []
@@ -436,9 +545,18 @@ def main() -> None:
         ratio = np.array([row[name] for row in rows if name in row])
         low, high = bounds.get(name, (0.5, 2.0))
         inside = float(((ratio >= low) & (ratio <= high)).mean()) if len(ratio) else np.nan
-        summary[name] = {"cases": len(ratio), "within": inside, "least": float(ratio.min()),
-                         "median": float(np.median(ratio)), "most": float(ratio.max())}
-    print(json.dumps({"schema": 1, "summary": summary, "rows": rows if options.json else len(rows)}, indent=1))
+        summary[name] = {
+            "cases": len(ratio),
+            "within": inside,
+            "least": float(ratio.min()),
+            "median": float(np.median(ratio)),
+            "most": float(ratio.max()),
+        }
+    print(
+        json.dumps(
+            {"schema": 1, "summary": summary, "rows": rows if options.json else len(rows)}, indent=1
+        )
+    )
 
 
 if __name__ == "__main__":

@@ -171,6 +171,8 @@ def ranged_answers(
     ranges = material_ranges(scene.mesh, materials, draws, exact)
     if ranges is None:
         return None
+    if modes is not None and modes.loaded:  # they do not go with E alone
+        modes = None
     ends: dict[str, Any] = {"mass": mass_range(scene.mesh, ranges)}
     if result is not None:
         ends["max_displacement"] = displacement_interval(scene, result, ranges)

@@ -231,10 +231,10 @@ def _named_places(
             hit = np.isin(mesh.tets, points).any(axis=1)
             share, part = shares[hit].sum(), mesh.volumes[hit].sum() / mesh.volume
             if share > min(2 * part, (1 + part) / 2):
-                centre = tuple(mesh.points[points].mean(axis=0).tolist())
-                exponent = float(at.value[points].min())
-                place = SingularPlace(PLACES[kind], centre, exponent, float(share))
-                found.append((place, points))
+                centre = mesh.points[points].mean(axis=0)
+                radius = float(np.linalg.norm(mesh.points[points] - centre, axis=1).max())
+                known = (tuple(centre.tolist()), radius, float(at.value[points].min()))
+                found.append((SingularPlace(PLACES[kind], *known, float(share)), points))
     return sorted(found, key=lambda pair: -pair[0].share)
 
 

@@ -98,7 +98,8 @@ def bisected(scene: Scene, marked: Int[np.ndarray, "some"]) -> Scene:
     for load in scene.tractions:
         faces, face = _divided(load.faces, SIDES, space, cut, rank)
         value = np.broadcast_to(load.value, load.faces.shape)[face]
-        loads.append(load._replace(faces=faces, value=value))
+        shares = None if load.shares is None else load.shares[face]
+        loads.append(load._replace(faces=faces, value=value, shares=shares))
     forces = scene.forces
     if forces is not None:
         forces = np.concatenate([forces[:count], np.zeros((int(cut.sum()), 3))])

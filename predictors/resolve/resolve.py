@@ -141,7 +141,7 @@ class Lookup:
             )  # fmt: skip
             if len(numbers) == len(value):
                 choices[i] = as_stated(choices[i])
-        return WordChoices(choices, tuple(dict.fromkeys((*warnings, *more))))
+        return WordChoices(choices, _grouped([*warnings, *more]))
 
     def of_clause(self, part: str, clause: Clause, why: str) -> PartChoice:
         """Choose for a part the material that a clause names, soft or stiff as its level says."""
@@ -200,6 +200,18 @@ class Lookup:
         if all(map(self._decider.keeps_name, parts, statements)):
             statements = [replace(said, whole=False) for said in statements]
         return statements, warnings
+
+
+def _grouped(lines: Sequence[str]) -> tuple[str, ...]:
+    """Lines that say the same of several parts as one."""
+    parts: dict[str, list[str]] = {}  # what is said -> the parts that it is said of
+    for line in dict.fromkeys(lines):
+        found = re.fullmatch(r"part ('[^']*'): (.*)", line) if type(line) is str else None
+        parts.setdefault(found[2] if found else line, []).extend([found[1]] if found else [])
+    return tuple(
+        f"part{'s' * (len(of) > 1)} {', '.join(of)}: {said}" if of else said
+        for said, of in parts.items()
+    )
 
 
 def _unread(sentence: Sentence) -> Iterator[str]:

@@ -14,6 +14,8 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import NamedTuple
 
+import numpy as np
+
 from .english import DATA, Atom, Phrase
 from .materials import ReaderLexicon
 from .parts import places
@@ -47,7 +49,7 @@ class Language:
         for form in self.forms(last):
             for kind in ("small", "matter", "parts"):
                 english = getattr(self, kind).get((*first, form))
-                if english is not None and (kind != "small" or form == last):
+                if english is not None and (kind != "small" or form == last or len(form) > 5):
                     return english, kind
         return self._compound(last) if not first else None
 
@@ -150,10 +152,12 @@ def glossed(cut: list[Atom], lexicon: ReaderLexicon, known: Collection[str]) -> 
             out.append(atom)
             at, last = at + 1, ""
             continue
-        end = cut[at + taken - 1].end
+        # Its English words share its place between them
+        english_words = re.findall(r"[^\W\d_]+|\d+|[-,]", found[0])
+        ends = np.linspace(atom.start, cut[at + taken - 1].end, len(english_words) + 1)
         new = [
-            Atom(m[0], atom.start, end, lexicon.model.singular(m[0].lower()))
-            for m in re.finditer(r"[^\W\d_]+|\d+|[-,]", found[0])
+            Atom(word, int(start), int(end), lexicon.model.singular(word.lower()))
+            for word, start, end in zip(english_words, ends, ends[1:], strict=False)
         ]
         # "roue avant gauche": the places stand before the part in English
         if last == "parts" and not best.links and len(new) == 1 and new[0].stem in places():

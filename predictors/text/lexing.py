@@ -60,7 +60,8 @@ def lex(text: str, lexicon: ReaderLexicon, names: Sequence[str]) -> Lexed:
     cut = atoms(text, lexicon.model, known)
     foreign = glossed(cut, lexicon, known)
     if foreign:
-        cut, notes, strange, mended = foreign.atoms, [], foreign.unknown, {}
+        notes = [Note("lexing.read_as", language=foreign.language)]
+        cut, strange, mended = foreign.atoms, foreign.unknown, {}
     else:
         cut, notes, strange, mended = _mended_spelling(cut, lexicon, known)
     if not cut:

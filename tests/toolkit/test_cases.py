@@ -572,18 +572,19 @@ Connections:  {{
 """
 
 
-def test_fbx_with_a_skin_keeps_names_and_its_unit(tmp_path):
-    """A cube of 100 cm, stretched to two by its node, bound to a bone: 2 m3, called leg."""
+def fbx():
+    """A cube of 100 cm, stretched to two by its node, bound to a bone."""
     polygons = QUADS.copy()
     polygons[:, 3] = -polygons[:, 3] - 1
-    path = tmp_path / "a.fbx"
-    path.write_text(
-        FBX.format(
-            points=",".join(f"{x:g}" for x in (CORNERS * 100).ravel()),
-            polygons=",".join(map(str, polygons.ravel())),
-        )
+    return FBX.format(
+        points=",".join(f"{x:g}" for x in (CORNERS * 100).ravel()),
+        polygons=",".join(map(str, polygons.ravel())),
     )
-    expect(path, {"leg": 2}, size=(1, 2, 1))
+
+
+def test_fbx_with_a_skin_keeps_names_and_its_unit(tmp_path):
+    (tmp_path / "a.fbx").write_text(fbx())
+    expect(tmp_path / "a.fbx", {"leg": 2}, size=(1, 2, 1))
 
 
 STEP_BOXES = {"post": ((0, 0, 0), (10, 10, 40)), "plate": ((-20, -20, -5), (30, 30, 0))}
@@ -671,6 +672,46 @@ def test_cloud_that_is_a_molecule_or_counts_its_rows_is_refused(tmp_path):
     path.write_text("\n".join(f"{i} {line}" for i, line in enumerate(rows())))
     with pytest.raises(InputError, match="first column counts the rows"):
         load_asset(path)
+
+
+@pytest.mark.parametrize(
+    ("name", "data", "reason"),
+    [
+        ("a.blend", b"BLENDER-v300", "export it as glTF"),
+        ("a.ifc", b"ISO-10303-21;", "export its solids as STEP"),
+        ("a.zip", b"PK", "unpack it first"),
+        ("a.glb", b"version https://git-lfs.github.com/spec/v1\noid sha256:1", "git lfs pull"),
+        ("a.stl", b"<!DOCTYPE html><html><body>404", "is a web page"),
+    ],
+)
+def test_what_is_no_asset_is_refused_by_name(tmp_path, name, data, reason):
+    (tmp_path / name).write_bytes(data)
+    with pytest.raises(InputError, match=reason):
+        load_asset(tmp_path / name)
+
+
+def test_ply_textures_of_vertices_and_of_corners(tmp_path):
+    """A red picture that a comment names, with places at vertices, or at the corners of faces."""
+    from autophyx_tet.predictors.appearance.surface import skin_of
+    from PIL import Image
+
+    Image.new("RGB", (4, 4), (255, 0, 0)).save(tmp_path / "skin.png")
+    head = "ply\nformat ascii 1.0\ncomment TextureFile skin.png\nelement vertex 8\n"
+    head += "".join(f"property float {axis}\n" for axis in "xyz")
+    places = "property float s\nproperty float t\n"
+    face = "element face 12\nproperty list uchar int vertex_indices\n"
+    corner = "property list uchar float texcoord\n"
+    points = ["{:g} {:g} {:g}".format(*p) for p in CORNERS]
+    faces = ["3 {} {} {}".format(*f) for f in TRIANGLES]
+    for text in (
+        [head + places + face + "end_header", *(f"{p} 0.5 0.5" for p in points), *faces],
+        [head + face + corner + "end_header", *points, *(f"{f} 6 {'.5 ' * 6}" for f in faces)],
+    ):
+        (tmp_path / "a.ply").write_text("\n".join(text))
+        (part,) = load_asset(tmp_path / "a.ply").parts
+        assert part.mesh.volume == pytest.approx(1)
+        colour = skin_of(part.mesh)(np.array([0]), np.full((1, 3), 1 / 3))
+        assert colour[0, :3] == pytest.approx([1, 0, 0], abs=0.02)
 
 
 def test_the_extra_is_not_needed_to_list_suffixes(monkeypatch):

@@ -194,7 +194,7 @@ ASSIMP_READS = ("plain", "sparse")
 
 @pytest.mark.parametrize("feature", FEATURES)
 def test_gltf_features_in_every_container(tmp_path, feature):
-    """108 files: a feature, its bytes in three places, required, used or not named, scaled nodes."""
+    """108 files: a feature, its bytes in three places, required, used or silent, scaled nodes."""
     for container, said, scale in itertools.product(
         ("glb", "inside", "beside"), ("required", "used", "silent"), (1, 3)
     ):

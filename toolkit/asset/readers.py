@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -18,7 +19,7 @@ from ...converters.registry import Format, Keeps
 from ...fem.errors import InputError
 from ...fem.note import Note
 from ...predictors.asset import UpAxis
-from .formats import AssetContent, NamedSurface, References
+from .formats import AssetContent, NamedSurface, References, decoded
 
 if TYPE_CHECKING:
     pass
@@ -210,11 +211,39 @@ def read_ply_surface(path: Path, data: bytes, references: References) -> AssetCo
         return points_content(table, references.pruning)
     mesh = trimesh.Trimesh(points, faces, process=False, validate=False)
     channels = [table.columns.get(name) for name in ("red", "green", "blue")]
-    if all(channel is not None for channel in channels):
+    image = _ply_texture(ply.comments, references)
+    uv = [table.columns.get(name) for name in UV if name in table.columns][:2]
+    if image is not None and (sum(map(len, skin)) == 3 * len(faces) or len(uv) == 2):
+        from trimesh.visual.material import SimpleMaterial
+
+        if len(uv) == 2:
+            places = np.column_stack(uv)
+        else:  # places of the corners of faces: a vertex for each
+            flat = np.arange(3 * len(faces)).reshape(-1, 3)
+            corners = points[faces].reshape(-1, 3)
+            mesh = trimesh.Trimesh(corners, flat, process=False, validate=False)
+            places = np.concatenate(skin)
+        mesh.visual = trimesh.visual.TextureVisuals(uv=places, material=SimpleMaterial(image=image))
+    elif all(channel is not None for channel in channels):
         mesh.visual = trimesh.visual.ColorVisuals(mesh, vertex_colors=np.column_stack(channels))  # type: ignore[arg-type]
     elif sum(map(len, colours)) == len(faces):
         mesh.visual = trimesh.visual.ColorVisuals(mesh, face_colors=np.concatenate(colours))
     return AssetContent([NamedSurface(mesh)])
+
+
+UV = ("s", "t", "u", "v", "texture_u", "texture_v")  # names of places in a texture
+
+
+def _ply_texture(comments: Sequence[str], references: References) -> Any:
+    """Picture that a comment names, as MeshLab and others write it; None where there is none."""
+    for comment in comments:
+        key, _, name = comment.partition(" ")
+        if key.lower() == "texturefile" and name.strip():
+            try:
+                return decoded(references.get(name), None, references)
+            except FileNotFoundError:  # told by the references
+                return None
+    return None
 
 
 PLY_SURFACE = Format("PLY surface, splats or cloud", (".ply",), read=read_ply_surface)

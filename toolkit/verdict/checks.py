@@ -18,6 +18,8 @@ from ...fem.solve.result import (
     CUBIC,
     LOCKING,
     MOTION_LIMIT,
+    SAFETY,
+    DiscretisationError,
     LoadFactor,
     Modes,
     MotionResult,
@@ -53,6 +55,9 @@ VISIBLE = 0.005
 USUAL_DENSITY = ((0.3, 10.0, 23_000.0), (1.0, 10.0, 3_000.0), (np.inf, 10.0, 1_000.0))
 # Bulky: no side of the box is below this fraction of the longest.
 BULKY = 0.1
+# Where stress has no bound it grows by a third as edges are halved: thrice by an eighth of them. A
+# place reaches this much further than its points.
+UNBOUNDED, REACH = 3.0, 1.05
 # A part gives way below this safety factor; factors above the other are told as more than it.
 SAFE, SAFE_TOLD = 1.0, 1000.0
 
@@ -135,12 +140,22 @@ def stays_upright(result: SagResult, scene: Scene) -> tuple[Check, ...]:
     return (Check("upright", _passed(passed), said, inside, 0.0, "m"),)
 
 
-def first_frequency(modes: Modes) -> Check:
-    """Whether the body rings rather than wobbles."""
+def first_frequency(modes: Modes | None, why: str = "") -> Check:
+    """Whether the body rings rather than wobbles; without modes ``why`` is told."""
+    if modes is None:
+        said = Note("checks.frequency_unmade", why=why)
+        return Check("first frequency", "not made", said, np.nan, WOBBLES, "Hz", why=why)
     value = float(modes.frequencies[0])
-    passed, told = value >= WOBBLES, {"value": value, "limit": WOBBLES}
-    said = Note("checks.is_stiff" if passed else "checks.wobbles", **told)
-    return Check("first frequency", _passed(passed), said, value, WOBBLES, "Hz")
+    under, outcome = Note("checks.under_load") if modes.loaded else "", _passed(value >= WOBBLES)
+    told = {"value": value, "limit": WOBBLES, "under": under}
+    said = Note("checks.is_stiff" if value >= WOBBLES else "checks.wobbles", **told)
+    if modes.free:
+        outcome, said = "failed", Note("checks.moves_freely", ways=modes.free, **told)
+    elif modes.order == 1 and value >= WOBBLES:
+        outcome, said = "doubtful", Note("checks.stiff_by_linear", **told)
+    elif value >= WOBBLES > (1 - SAFETY * modes.error) * value:
+        outcome, why = "doubtful", Note("checks.frequency_error", off=percent(modes.error))
+    return Check("first frequency", outcome, said, value, WOBBLES, "Hz", why=why)
 
 
 def explicit_step(mesh: TetMesh) -> Check:
@@ -204,14 +219,23 @@ def usual_mass(mesh: TetMesh) -> Check:
     return Check("mass", "failed", said, density, limit, "kg/m^3")
 
 
-def strength(safety: Safety) -> Check:
-    """Whether a part stands its stress."""
+def strength(safety: Safety, error: DiscretisationError | None = None) -> Check:
+    """Whether a part stands its stress, in doubt where the ``error`` of the mesh may be its own."""
     factor, place = safety.factor, ", ".join(f"{x:.3g}" for x in safety.place)
     passed, (does, limit) = factor >= SAFE, gives_way(safety)
     told = {"of": limit, "does": does, "times": times(factor), "past": 1 / factor, "at": place}
     said = Note("checks.strong" if passed else "checks.weak", **safety._asdict(), **told)
     where = {"part": safety.part, "place": safety.place}
-    return Check("strength", _passed(passed), said, factor, SAFE, **where)
+    outcome, why = _passed(passed), ""
+    if passed and error is not None and safety.place is not None:
+        from_centre = lambda p: float(np.linalg.norm(np.subtract(safety.place, p.centre)))  # noqa: E731
+        here = next((p for p in error.places if from_centre(p) <= REACH * p.radius), None)
+        if here is not None and factor < UNBOUNDED:
+            told = {"kind": here.kind, "share": percent(here.share)}
+            outcome, why = "doubtful", Note("checks.singular_stress", **told)
+        elif factor < 1 + 2 * error.stress:  # twice the rms covers the largest of 97 in 100
+            outcome, why = "doubtful", Note("checks.stress_error", off=percent(error.stress))
+    return Check("strength", outcome, said, factor, SAFE, **where, why=why)
 
 
 def gives_way(safety: Safety) -> tuple[str, str]:

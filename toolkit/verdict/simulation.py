@@ -182,6 +182,7 @@ class StaticSimulation(Simulation):
 
     solved: SagResult
     modes: Modes | None = None
+    modes_unmade: str = ""
 
     kind = "sag"
 
@@ -215,6 +216,7 @@ class StaticSimulation(Simulation):
             ],
             "frequencies": self.frequencies,
             "order": static.order,
+            "law": static.law,
             "gap": self.solved.discretisation_error,
             "residual": static.residual,
             "iterations": static.iterations,
@@ -281,10 +283,10 @@ class StaticSimulation(Simulation):
         checks = [
             *static_checks(self.solved, size_stated=self.size_stated, load_factors=softest),
             *stays_upright(self.solved, self.scene),
-            *map(strength, self.safety),
+            *(strength(one, self.solved.discretisation_error) for one in self.safety),
         ]
-        if self.modes is not None:
-            checks.append(first_frequency(self.modes))
+        if self.modes is not None or self.modes_unmade:
+            checks.append(first_frequency(self.modes, self.modes_unmade))
         if known:
             names = ("mass", "max_displacement", "frequencies", "likely")
             checks.append(span_of_answers(*(known[name] for name in names)))
