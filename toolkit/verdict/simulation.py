@@ -14,7 +14,9 @@ from jaxtyping import Float
 
 from ...fem.laws.law import LAWS
 from ...fem.mesh import TetMesh, piece_names
+from ...fem.reactions import reactions
 from ...fem.safety import PartStresses, Safety, part_safety, part_stresses
+from ...fem.scene.loads import resultant
 from ...fem.scene.scene import Scene
 from ...fem.solve.method import SCENARIOS
 from ...fem.solve.result import Modes, MotionResult, ParticleRun, SagResult
@@ -180,6 +182,7 @@ class StaticSimulation(Simulation):
 
     solved: SagResult
     modes: Modes | None = None
+    modes_unmade: str = ""
 
     kind = "sag"
 
@@ -206,8 +209,14 @@ class StaticSimulation(Simulation):
             "safety": [{**s._asdict(), "factor": s.factor} for s in self.safety],
             "intervals": self.intervals,
             "reaction": static.reaction.sum(axis=0),
+            "reactions": [one._asdict() for one in reactions(self.scene, static)],
+            "loads": [
+                {"place": load.name, **resultant(self.mesh, load, self.scene.held)._asdict()}
+                for load in self.scene.tractions
+            ],
             "frequencies": self.frequencies,
             "order": static.order,
+            "law": static.law,
             "gap": self.solved.discretisation_error,
             "residual": static.residual,
             "iterations": static.iterations,
@@ -269,15 +278,18 @@ class StaticSimulation(Simulation):
         """Shape, buckling, mesh, explicit step, size, standing, strength, frequency, range."""
         from .checks import first_frequency, span_of_answers, static_checks, stays_upright, strength
 
+        known = self.intervals or {}
+        softest = known.get("load_factor")
         checks = [
-            *static_checks(self.solved, size_stated=self.size_stated),
+            *static_checks(self.solved, size_stated=self.size_stated, load_factors=softest),
             *stays_upright(self.solved, self.scene),
-            *map(strength, self.safety),
+            *(strength(one, self.solved.discretisation_error) for one in self.safety),
         ]
-        if self.modes is not None:
-            checks.append(first_frequency(self.modes))
-        if self.intervals is not None:
-            checks.append(span_of_answers(*self.intervals.values()))
+        if self.modes is not None or self.modes_unmade:
+            checks.append(first_frequency(self.modes, self.modes_unmade))
+        if known:
+            names = ("mass", "max_displacement", "frequencies", "likely")
+            checks.append(span_of_answers(*(known[name] for name in names)))
         return checks
 
 
