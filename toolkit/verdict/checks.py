@@ -354,9 +354,12 @@ def contact_forces(motion: MotionResult, names: Sequence[str]) -> Check:
     impact, pressures = motion.impact, motion.largest_pressures
     if impact is not None and forces.any():
         forces = np.maximum(forces, impact.forces)
-        if why := impact.unresolved:
-            told = {"lost": impact.lost, "barrier": impact.barrier}
-            why = Note(f"checks.unresolved_{why}", **told)
+        if kind := impact.unresolved:
+            why = {
+                "time": Note("checks.unresolved_time", lost=impact.lost),
+                "surface": Note("checks.unresolved_surface", barrier=impact.barrier),
+                "force": Note("checks.unresolved_force"),
+            }[kind]
             return Check("contact", "not made", Note("checks.press_unknown", why=why), why=why)
     pressed: list[str] = []
     for k, force in enumerate(forces):
