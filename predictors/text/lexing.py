@@ -184,7 +184,7 @@ def _mended_spelling(
         small = {code: _small_words(code) for code in LANGUAGES}
         english = sum(word in small["en"] for word in low)
         alien = (sum(w in small[code] and w not in small["en"] for w in low) for code in LANGUAGES)
-        if max(alien) > max(english, 1):
+        if max(alien) > max(english, 2):
             return [], [Note("lexing.language_read")], set(), {}
     if foreign:
         note = Note("lexing.words_english", count=len(odd), long=long)

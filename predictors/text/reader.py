@@ -584,6 +584,10 @@ def _group(parts: list[Mention], values: list[Mention], *, part_first: bool = Fa
 
 SURE, MENDED = 1.0, 0.8  # certainty: as it stands; with something mended, guessed or left out
 _BEFORE = 30  # letters before a matter that may hold its state: "rusty galvanised steel"
+_HEDGE = re.compile(
+    r"(?i)\b(?:might be|may be|maybe|perhaps|possibly|probably|presumably|not sure|unsure|i think"
+    r"|i guess|t\.?b\.?[cd]\b|to be confirmed)"
+)
 _LISTS = ("character", "numbers", "comparisons")  # fields that a clause has from its draft
 _SAME = ("phrase", "kind", "coating", "filling", "blend")
 _SAYS = ("material", "unknown", "excluded", "levels", *_LISTS, "coating", "filling", "blend")
@@ -767,7 +771,8 @@ def _same_again(lexemes: Sequence[Lexeme], lexicon: ReaderLexicon) -> list[Lexem
         others = any(x.part or x.role in ("number", "is", "of", "with") for x in inside)
         if len(rows) == 1 and not others and not first.part:
             (second,) = rows
-            finer = second.value.grade and not first.value.grade
+            mixed = any(isinstance(x.value, Blend) for x in out[-3:])  # "glass-filled PA (PA-GF30)"
+            finer = second.value.grade and not first.value.grade and not mixed
             if finer or lexicon.repeats(first.value, first.words, second.value):
                 out[-1] = replace(first, value=second.value)
             elif first.value.category != second.value.category:
@@ -857,6 +862,11 @@ def clause_of(text: str, draft: Draft, lexicon: ReaderLexicon) -> Clause:
         stands = r"\b[ ,]+(?!rolled|dip|forged|worked|formed|pressed)(?:\w+ )?$"
         said = [word for word in sorted(states) if re.search(rf"\b{word}{stands}", before)]
         told += [Note("reader.used_values", word=word, phrase=draft.phrase) for word in said]
+    hedge = _HEDGE.search(re.split(r"[;.\n]", text[end:])[0][:_BEFORE]) or _HEDGE.search(
+        text[start:end]
+    )
+    if draft.material and hedge:
+        told.append(Note("reader.unsure", hedge=hedge[0].strip(), phrase=draft.phrase))
     noted = [x.note for x in draft.lexemes if x.note]
     unknown, doubts = (
         "" if draft.material else draft.unknown,
