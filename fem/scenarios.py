@@ -10,7 +10,7 @@ import numpy as np
 
 from .errors import InputError
 from .laws.law import Law
-from .mesh import TetMesh, face_normals, material_of
+from .mesh import TetMesh, face_normals, material_of, outer_faces
 from .note import Note
 from .scene.loads import Traction, spread_force
 from .scene.obstacles import gripper
@@ -193,7 +193,7 @@ class Wind:
         blows = checked_direction("wind direction", direction)
         speed = checked_positive("wind speed", self.speed, "m/s")
         drag = checked_positive("drag coefficient", self.drag, "")
-        faces = mesh.boundary.faces
+        faces = mesh.boundary.faces[outer_faces(mesh)]
         facing = -face_normals(mesh.points, faces) @ blows
         windward = facing > 0
         push = 0.5 * AIR_DENSITY * speed**2 * drag * facing[windward, None] * blows
@@ -279,7 +279,7 @@ class Poke:
         direction = -up_vector(up) if self.direction is None else self.direction
         pushes = checked_direction("poke direction", direction)
         force = checked_positive("poke force", self.force, "N")
-        faces = mesh.boundary.faces
+        faces = mesh.boundary.faces[outer_faces(mesh)]
         away = np.linalg.norm(mesh.points[faces].mean(axis=1) - place, axis=1)
         patch = FINGER_RADIUS * float(np.linalg.norm(np.ptp(mesh.bounds, axis=0)))
         touched = faces[away <= max(patch, float(away.min()))]

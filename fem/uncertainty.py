@@ -24,6 +24,7 @@ from .mesh import TetMesh, material_of
 from .note import Note
 from .reduced.sweep import LinearFamily, Member
 from .scene.scene import Scene
+from .solve.buckling import find_load_factor
 from .solve.result import Modes, SagResult
 from .solve.statics import check_held, solve_static
 from .table import FIELDS, NU_CAP, MaterialValue, Span, load_grains, load_table
@@ -164,14 +165,18 @@ def ranged_answers(
 ) -> dict[str, Any] | None:
     """Lowest and highest mass [kg], displacement [m] and frequencies [Hz], and what is likely.
 
-    A displacement is told of a ``result``, frequencies of ``modes``. None: no range is known.
+    A displacement and the load factor of buckling [1] are told of a ``result``, frequencies of
+    ``modes``. None: no range is known.
     """
     ranges = material_ranges(scene.mesh, materials, draws, exact)
     if ranges is None:
         return None
+    if modes is not None and modes.loaded:  # they do not go with E alone
+        modes = None
     ends: dict[str, Any] = {"mass": mass_range(scene.mesh, ranges)}
     if result is not None:
         ends["max_displacement"] = displacement_interval(scene, result, ranges)
+        ends["load_factor"] = load_factor_interval(scene, result, ranges)
     ends["frequencies"] = frequency_intervals(scene.mesh, modes, ranges) if modes else ()
     likely = likely_answers(scene, materials, draws=draws, exact=exact, result=result, modes=modes)
     return with_likely(ends, likely)
@@ -183,7 +188,7 @@ def with_likely(ends: Mapping[str, Any], likely: Likely | None) -> dict[str, Any
     They leave Poisson's ratio as it is; what is likely does not.
     """
     held = dict(ends)
-    for name in held if likely else ():
+    for name in held.keys() - {"load_factor"} if likely else ():
         inner = getattr(likely, name)
         if name == "frequencies":
             rest = held[name][len(inner) :]
@@ -202,6 +207,10 @@ def _middle(values: np.ndarray) -> Interval:
 #
 # E and rho of a part are one value of its range. Solved again with all of them soft and heavy, or
 # stiff and light, the answer gets a lowest and a highest value; Poisson's ratio stays.
+
+
+# A load factor above this is told as it is: its range is of no concern.
+NEARBY = 5.0
 
 
 class Interval(NamedTuple):
@@ -250,6 +259,31 @@ def displacement_interval(scene: Scene, result: SagResult, ranges: RangeFactors)
         return None
     low, high = result.max_displacement * sizes[[sizes.argmin(), sizes.argmax()]] / sizes[0]
     return Interval(float(low), float(high))
+
+
+def load_factor_interval(scene: Scene, result: SagResult, ranges: RangeFactors) -> Interval | None:
+    """Multiple of the load at which the body buckles, soft and heavy or stiff and light.
+
+    None where it is not known, or cannot come near ``NEARBY``. As for the displacement, linear
+    elements tell how much it changes.
+    """
+    known, material = result.load_factor, material_of(scene.mesh)
+    if known is None or result.static.law != Law.LINEAR:
+        return None
+    if not known.value * ranges.soft.min() / ranges.heavy.max() < NEARBY:
+        return None
+    loads = {"traction": scene.tractions, "forces": scene.forces, "order": 1}
+    loads["gravity_vector"] = scene.gravity_vector
+    one, factors = np.ones(1), []
+    ends = ((one, one), (ranges.soft, ranges.heavy), (ranges.stiff, ranges.light))
+    try:
+        for E, rho in ends:
+            taken = replace(material.times(E), rho=material.rho * rho)
+            rest = solve_static(scene.mesh.with_material(taken), scene.held, **loads)
+            factors.append(find_load_factor(rest, scene.held).value)
+    except ConvergenceError:
+        return None
+    return Interval(*(known.value * factor / factors[0] for factor in factors[1:]))
 
 
 def frequency_intervals(mesh: TetMesh, modes: Modes, ranges: RangeFactors) -> tuple[Interval, ...]:
