@@ -115,7 +115,7 @@ def _bodies(mesh: trimesh.Trimesh) -> list[trimesh.Trimesh]:
         boxes = [(body[0].bounds, body) for body in bodies]
         around = [body for (a, b), body in boxes if (a <= low).all() and (b >= high).all()]
         min(around or bodies, key=lambda body: body[0].volume).append(hole)
-    return [concatenate(body) if len(body) > 1 else body[0] for body in bodies]
+    return [concatenate(body) if len(body) > 1 else body[0] for body in bodies]  # type: ignore[return-value]
 
 
 CAD = Format(
