@@ -24,7 +24,7 @@ import numpy as np
 from autophyx_tet.fem.errors import AutophyxError
 from autophyx_tet.predictors.appearance.views import Views, hemisphere, render_views
 from autophyx_tet.predictors.encoders import load_encoder
-from autophyx_tet.predictors.text.hearing import bare_words, kind_of
+from autophyx_tet.predictors.text.parts import bare_words, kind_of
 from autophyx_tet.research.datasets.sweethome3d import (
     SOURCES,
     TRAINING,

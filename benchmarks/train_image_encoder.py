@@ -26,7 +26,7 @@ from autophyx_tet.fem.errors import AutophyxError
 from autophyx_tet.predictors.encoders.minilm import MiniLM
 from autophyx_tet.predictors.encoders.network import COLOURS, Widths
 from autophyx_tet.predictors.encoders.plain import public_backbone
-from autophyx_tet.predictors.text.hearing import KINDS
+from autophyx_tet.predictors.text.parts import KINDS
 from autophyx_tet.research.datasets.sweethome3d import TRAINING, VALIDATION, catalog, extract
 from autophyx_tet.research.training.encoder.corpus import Specimen, read_corpus, write_corpus
 from autophyx_tet.research.training.encoder.head import (

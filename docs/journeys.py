@@ -26,7 +26,6 @@ from autophyx_tet.predictors.field import MaterialField
 from autophyx_tet.predictors.prediction import PartChoice, Prediction
 from autophyx_tet.predictors.resolve.resolve import PartStatement
 from autophyx_tet.predictors.text.clauses import Bound, Clause, Sentence
-from autophyx_tet.predictors.text.hearing import EncodedClause, EncodedSentence
 from autophyx_tet.predictors.text.lexing import Lexed, Lexeme
 from autophyx_tet.predictors.text.numerals import Numeral, Quantity
 from autophyx_tet.predictors.text.reader import Constituent, Draft, Group, Mention
@@ -147,7 +146,7 @@ class Walk:
 # What a text becomes, and then the choices that are made of it, down to the material of the tets.
 READ = (
     Lexed, Lexeme, Numeral, Quantity, Constituent, Mention, Group, Draft,
-    Sentence, Bound, Clause, EncodedSentence, EncodedClause,
+    Sentence, Bound, Clause,
 )  # fmt: skip
 CHOSEN = (PartStatement, PartChoice, Prediction, MaterialField, ElementMaterial)
 

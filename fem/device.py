@@ -69,6 +69,23 @@ class Recorder:
         return start_warp().launch(kernel, dim, inputs=inputs, device=self.device, record_cmd=True)
 
 
+class Replay:
+    """Does the same launches of ``work`` again and again: on a GPU as one graph, made at first."""
+
+    def __init__(self, work: Callable[[], None], device: Any) -> None:
+        self.work, self.device, self._graph = work, device, None
+
+    def __call__(self) -> None:
+        """Do the work once, on the numbers that its arrays have now."""
+        if not self.device.is_cuda:
+            return self.work()
+        if self._graph is None:
+            with start_warp().ScopedCapture(device=self.device) as capture:
+                self.work()
+            self._graph = capture.graph
+        start_warp().capture_launch(self._graph)
+
+
 class Recent(Generic[Value]):
     """The last ``most`` values that were made of the same arrays, told by identity."""
 

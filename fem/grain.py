@@ -9,15 +9,12 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from .errors import UsageError
-from .material import orthotropic_constants, orthotropic_tensor
 from .mesh import TetMesh, material_of
 from .note import Note
 from .table import OrthotropicConstants, load_grains, load_table
 
 # A part that is so many times as long as it is wide was cut along the grain.
 LONGEST = 1.2
-# Directions of the rings about the grain over which a compliance is averaged.
-RINGS = 8
 # E of a part may leave the range of its row by this factor before it is not that of the material:
 # an apparent modulus, of a hollow part that is meshed solid.
 SAME_E = 1.5
@@ -78,15 +75,11 @@ def with_grains(
             continue
         shown = np.round(way / np.linalg.norm(way), 3) + 0.0
         along.append(f"{part} ({', '.join(f'{x:g}' for x in shown)})")
-        axes = axes_about(way)
-        unit = orthotropic_constants(ring_mean(grains[row].constants(1.0), axes), axes)
-        material = material.with_grain(tets, unit.times(material.E[tets]), axes)
-    notes = []
-    if along:
-        notes.append(Note("grain.grain_taken", along="; ".join(along)))
-    if blind:
-        notes.append(Note("grain.way_grain", blind=", ".join(blind)))
-    return Grained(mesh.with_material(material), tuple(notes))
+        unit = ring_mean(grains[row].constants(1.0))
+        material = material.with_grain(tets, unit.times(material.E[tets]), axes_about(way))
+    taken = (Note("grain.grain_taken", along="; ".join(along)),) if along else ()
+    unknown = (Note("grain.way_grain", blind=", ".join(blind)),) if blind else ()
+    return Grained(mesh.with_material(material), taken + unknown)
 
 
 def longest_axis(mesh: TetMesh, tets: Int[np.ndarray, "n"]) -> Float[np.ndarray, "3"] | None:
@@ -108,19 +101,17 @@ def axes_about(grain: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3 3"]:
     return np.stack([first, side, np.cross(first, side)])
 
 
-def ring_mean(
-    constants: OrthotropicConstants, axes: Float[np.ndarray, "3 3"]
-) -> Float[np.ndarray, "6 6"]:
-    """Stiffness tensor [Pa] of rings that lie in all directions about the first row of ``axes``.
+def ring_mean(c: OrthotropicConstants) -> OrthotropicConstants:
+    """Constants [Pa, 1] of a solid whose rings lie in all directions about its grain.
 
-    The inverse of the mean compliance: E along the grain stays what it is.
+    Its compliance is their mean, so that E along the grain stays what it is.
     """
-    (first, side, other), total = axes, np.zeros((6, 6))
-    for angle in np.arange(RINGS) * np.pi / RINGS:
-        radial = np.cos(angle) * side + np.sin(angle) * other
-        turned = np.stack([first, radial, np.cross(first, radial)])
-        total += np.linalg.inv(orthotropic_tensor(constants, turned))
-    return np.linalg.inv(total / RINGS)
+    radial, tangential, shear, cross = 1 / c.E_R, 1 / c.E_T, 1 / c.G_RT, -c.nu_RT / c.E_R
+    across = (3 * (radial + tangential) + 2 * cross + shear) / 8
+    beside = (radial + tangential + 6 * cross - shear) / 8
+    G, nu = 2 / (1 / c.G_LR + 1 / c.G_LT), (c.nu_LR + c.nu_LT) / 2
+    E, G_RT = 1 / across, 0.5 / (across - beside)
+    return OrthotropicConstants(c.E_L, E, E, G, G, G_RT, nu, nu, -beside / across)
 
 
 def is_of_row(E: Float[np.ndarray, "n"], row: str) -> bool:

@@ -183,9 +183,20 @@ class ElementMaterial:
         tensor.flags.writeable = ways.flags.writeable = False
         return replace(self, tensor=tensor, axes=ways)
 
+    def of_tets(self, tets: np.ndarray) -> ElementMaterial:
+        """Material of some ``tets``: their ids, or a mask."""
+        tensor, axes = (None if a is None else a[tets] for a in (self.tensor, self.axes))
+        return ElementMaterial(self.E[tets], self.nu[tets], self.rho[tets], tensor, axes)
+
     def without_grain(self) -> ElementMaterial:
         """Return the material as stiff across its grain as along it."""
         return self if self.tensor is None else replace(self, tensor=None, axes=None)
+
+    def times(self, factor: float | Float[np.ndarray, "tets"]) -> ElementMaterial:
+        """Return the material ``factor`` [1] times as stiff, its grain too."""
+        each = np.broadcast_to(factor, self.E.shape)
+        tensor = None if self.tensor is None else self.tensor * each[:, None, None]
+        return replace(self, E=self.E * each, tensor=tensor)
 
     @property
     def grained(self) -> Bool[np.ndarray, "tets"]:

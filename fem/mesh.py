@@ -92,17 +92,13 @@ class TetMesh:
             raise InputError("mesh.tets_must", shape=tets.shape)
         bad = np.flatnonzero(~np.isfinite(points).all(axis=1))
         if bad.size:
+            first, size = bad[0], bad.size
             raise InputError(
-                "mesh.point_finite",
-                bad=bad[0],
-                size=bad.size,
-                count=len(points),
-                points=points[bad[0]],
+                "mesh.point_finite", bad=first, size=size, count=len(points), points=points[first]
             )
-        if tets.min() < 0 or tets.max() >= len(points):
-            raise InputError(
-                "mesh.tets_name", min=tets.min(), max=tets.max(), count=len(points) - 1
-            )
+        low, high = tets.min(), tets.max()
+        if low < 0 or high >= len(points):
+            raise InputError("mesh.tets_name", min=low, max=high, count=len(points) - 1)
         if region.shape != (len(tets),):
             raise InputError("mesh.region_must", count=len(tets), shape=region.shape)
         if len(set(self.region_names)) != len(self.region_names):
@@ -113,12 +109,9 @@ class TetMesh:
         volumes = signed_volumes(points, tets)
         bad = np.flatnonzero(~(volumes > 0))
         if bad.size:
+            first, size = bad[0], bad.size
             raise InputError(
-                "mesh.tet_volume",
-                bad=bad[0],
-                volumes=volumes[bad[0]],
-                size=bad.size,
-                count=len(tets),
+                "mesh.tet_volume", bad=first, volumes=volumes[first], size=size, count=len(tets)
             )
         if self.material is not None and self.material.E.size != len(tets):
             raise InputError("mesh.material_tets", size=self.material.E.size, count=len(tets))
@@ -192,8 +185,8 @@ def join_meshes(mesh: TetMesh, other: TetMesh, shift: Float[np.ndarray, "3"]) ->
         while (free := name if count == 1 else f"{name} {count}") in names:
             count += 1
         names.append(free)
-    one, two = material_of(mesh), material_of(other)
-    values = (np.concatenate([getattr(one, k), getattr(two, k)]) for k in ("E", "nu", "rho"))
+    both = material_of(mesh), material_of(other)
+    values = (np.concatenate([getattr(m, name) for m in both]) for name in ("E", "nu", "rho"))
     return TetMesh(
         np.concatenate([mesh.points, other.points + shift]),
         np.concatenate([mesh.tets, other.tets + len(mesh.points)]),
@@ -244,16 +237,9 @@ def face_components(mesh: TetMesh) -> Int[np.ndarray, "tets"]:
 
     Tets that share only a corner or an edge form a hinge, not one body.
     """
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-
-    faces = np.sort(mesh.tets[:, FACES].reshape(-1, 3), axis=1)
-    order = np.lexsort(faces.T)
-    same = np.flatnonzero((faces[order][1:] == faces[order][:-1]).all(axis=1))
-    a, b = order[same] // 4, order[same + 1] // 4
-    count = len(mesh.tets)
-    graph = coo_array((np.ones(len(a), dtype=np.int8), (a, b)), shape=(count, count))
-    return connected_components(graph, directed=False)[1].astype(np.int64)
+    order, same = equal_faces(mesh.tets[:, FACES].reshape(-1, 3))
+    pairs = order[:-1][same] // 4, order[1:][same] // 4
+    return _components(pairs, len(mesh.tets)).astype(np.int64)
 
 
 def point_components(mesh: TetMesh) -> Int[np.ndarray, "points"]:
@@ -261,18 +247,35 @@ def point_components(mesh: TetMesh) -> Int[np.ndarray, "points"]:
 
     Pieces are numbered by their first point.
     """
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-
-    a, b = np.repeat(mesh.tets[:, 0], 3), mesh.tets[:, 1:].ravel()
-    count = len(mesh.points)
-    graph = coo_array((np.ones(len(a), dtype=np.int8), (a, b)), shape=(count, count))
-    label = connected_components(graph, directed=False)[1]
-    used = np.unique(mesh.tets)
+    pairs = np.repeat(mesh.tets[:, 0], 3), mesh.tets[:, 1:].ravel()
+    label, used = _components(pairs, len(mesh.points)), np.unique(mesh.tets)
     order, first = np.unique(label[used], return_index=True)
     number = np.full(label.max() + 1, -1, dtype=np.int64)
     number[order[np.argsort(first)]] = np.arange(len(order))
     return number[label]
+
+
+def _components(pairs: tuple[np.ndarray, np.ndarray], count: int) -> np.ndarray:
+    """Component of each of ``count`` things of which ``pairs`` are joined."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    graph = coo_array((np.ones(len(pairs[0]), dtype=np.int8), pairs), shape=(count, count))
+    return connected_components(graph, directed=False)[1]
+
+
+def outer_faces(mesh: TetMesh) -> Bool[np.ndarray, "faces"]:
+    """Which faces of ``mesh.boundary`` are of its outer surface, not of a closed cavity.
+
+    Seen from outside of the solid a cavity is inside out: its volume is negative. Surfaces that
+    share an edge are one.
+    """
+    faces = mesh.boundary.faces
+    order, same = equal_faces(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2))
+    label = _components((order[:-1][same] // 3, order[1:][same] // 3), len(faces))
+    middle = mesh.points[faces].mean(axis=1) - mesh.bounds.mean(axis=0)
+    volume = np.bincount(label, (middle * area_vectors(mesh.points, faces)).sum(axis=1))
+    return volume[label] > 0
 
 
 def piece_names(mesh: TetMesh) -> tuple[str, ...]:
@@ -280,7 +283,7 @@ def piece_names(mesh: TetMesh) -> tuple[str, ...]:
     piece, names = point_components(mesh)[mesh.tets[:, 0]], []
     for k in range(int(piece.max()) + 1):
         inside = [mesh.region_names[i] for i in np.unique(mesh.region[piece == k])]
-        names.append(" + ".join([*inside[:3], *(["..."] if len(inside) > 3 else [])]))
+        names.append(" + ".join(inside[:3] + ["..."] * (len(inside) > 3)))
     return tuple(names)
 
 
@@ -340,12 +343,8 @@ def free_motions(mesh: TetMesh, held: Bool[np.ndarray, "points 3"]) -> FreeMotio
 
 def rigid_motions(points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3 6"]:
     """Displacement of every point in three unit translations and rotations about the origin."""
-    x, y, z = points.T
-    motion = np.zeros((len(points), 3, 6))
-    motion[:, [0, 1, 2], [0, 1, 2]] = 1
-    motion[:, 1, 3], motion[:, 2, 3] = -z, y
-    motion[:, 0, 4], motion[:, 2, 4] = z, -x
-    motion[:, 0, 5], motion[:, 1, 5] = -y, x
+    motion = np.broadcast_to(np.eye(3, 6), (len(points), 3, 6)).copy()
+    motion[:, :, 3:] = np.cross(np.eye(3), points[:, None]).mT
     return motion
 
 

@@ -72,13 +72,8 @@ class Registry(Mapping[str, T]):
         """Sentence for a name that is not here: what is, and the nearest."""
         near = difflib.get_close_matches(name, self.names, n=1)
         hint = Note("registry.you_mean", near=near[0]) if near else ""
-        return Note(
-            "registry.unknown_known",
-            kind=self.kind,
-            name=name,
-            names=", ".join(self.names),
-            hint=hint,
-        )
+        names = ", ".join(self.names)
+        return Note("registry.unknown_known", kind=self.kind, name=name, names=names, hint=hint)
 
 
 def on_first_use(
@@ -91,7 +86,4 @@ def on_first_use(
             raise AttributeError(Note("registry.module_attribute", package=package, name=name))
         return getattr(import_module(f".{homes[name]}", package), name)
 
-    def names() -> list[str]:
-        return sorted(homes)
-
-    return load, names
+    return load, lambda: sorted(homes)

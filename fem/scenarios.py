@@ -10,7 +10,7 @@ import numpy as np
 
 from .errors import InputError
 from .laws.law import Law
-from .mesh import TetMesh, face_normals, material_of
+from .mesh import TetMesh, face_normals, material_of, outer_faces
 from .note import Note
 from .scene.loads import Traction, spread_force
 from .scene.obstacles import gripper
@@ -26,6 +26,13 @@ from .solve.schemes import Scheme
 from .validation import checked_direction, checked_number, checked_positive, checked_vector
 
 SUPPORTS = ("base", "three-point")
+
+
+def _standing(mesh: TetMesh, up: UpAxis, *, three_point: bool = False) -> Scene:
+    """Scene of ``mesh`` that stands on the ground and carries nothing."""
+    held, warnings = find_supports(mesh, up, three_point=three_point)
+    ground = ground_under(mesh, up)
+    return Scene(mesh=mesh, up=up, supports=held, ground=ground, warnings=warnings)
 
 
 @dataclass(frozen=True)
@@ -46,13 +53,11 @@ class Sag:
     def scene(self, mesh: TetMesh, *, up: UpAxis = "z") -> Scene:
         """Scene of the standing ``mesh``."""
         if self.supports not in SUPPORTS:
-            raise InputError(
-                "scenarios.supports_wanted", supports=self.supports, supports_2=", ".join(SUPPORTS)
-            )
-        held, warnings = find_supports(mesh, up, three_point=self.supports == "three-point")
+            known = ", ".join(SUPPORTS)
+            raise InputError("scenarios.supports_wanted", supports=self.supports, supports_2=known)
         weight = -checked_number("gravity", self.gravity, "m/s^2", least=0.0) * up_vector(up)
-        stands = {"supports": held, "ground": ground_under(mesh, up)}
-        return Scene(mesh=mesh, up=up, **stands, gravity_vector=weight, warnings=warnings)
+        standing = _standing(mesh, up, three_point=self.supports == "three-point")
+        return replace(standing, gravity_vector=weight)
 
 
 def sag(
@@ -165,9 +170,6 @@ def hang(
 
 AIR_DENSITY = 1.225  # [kg/m^3] at 15 C, sea level
 
-# What a method of motion follows: 125 frames of 0.04 s.
-GUST = {"duration": 5.0, "frames": 125}
-
 
 @dataclass(frozen=True)
 class Wind:
@@ -191,14 +193,12 @@ class Wind:
         blows = checked_direction("wind direction", direction)
         speed = checked_positive("wind speed", self.speed, "m/s")
         drag = checked_positive("drag coefficient", self.drag, "")
-        faces = mesh.boundary.faces
+        faces = mesh.boundary.faces[outer_faces(mesh)]
         facing = -face_normals(mesh.points, faces) @ blows
         windward = facing > 0
         push = 0.5 * AIR_DENSITY * speed**2 * drag * facing[windward, None] * blows
-        held, warnings = find_supports(mesh, up)
-        loads = (Traction(faces[windward], push, Note("scenarios.windward_side")),)
-        stands = {"supports": held, "ground": ground_under(mesh, up)}
-        return Scene(mesh=mesh, up=up, **stands, tractions=loads, warnings=warnings, **GUST)
+        load = Traction(faces[windward], push, Note("scenarios.windward_side"))
+        return replace(_standing(mesh, up), tractions=(load,), duration=5.0, frames=125)
 
 
 def wind(
@@ -279,18 +279,13 @@ class Poke:
         direction = -up_vector(up) if self.direction is None else self.direction
         pushes = checked_direction("poke direction", direction)
         force = checked_positive("poke force", self.force, "N")
-        faces = mesh.boundary.faces
+        faces = mesh.boundary.faces[outer_faces(mesh)]
         away = np.linalg.norm(mesh.points[faces].mean(axis=1) - place, axis=1)
         patch = FINGER_RADIUS * float(np.linalg.norm(np.ptp(mesh.bounds, axis=0)))
         touched = faces[away <= max(patch, float(away.min()))]
-        held, warnings = find_supports(mesh, up)
-        loads = (
-            spread_force(mesh, touched, force * pushes)._replace(
-                name=Note("scenarios.touched_patch")
-            ),
-        )
-        stands = {"supports": held, "ground": ground_under(mesh, up)}
-        return Scene(mesh=mesh, up=up, **stands, tractions=loads, warnings=warnings)
+        load = spread_force(mesh, touched, force * pushes)
+        load = load._replace(name=Note("scenarios.touched_patch"))
+        return replace(_standing(mesh, up), tractions=(load,))
 
 
 def poke(
@@ -625,5 +620,4 @@ class Vibration:
 
     def scene(self, mesh: TetMesh, *, up: UpAxis = "z") -> Scene:
         """Scene of the standing ``mesh``."""
-        held, warnings = find_supports(mesh, up)
-        return Scene(mesh=mesh, up=up, supports=held, modes=self.modes, warnings=warnings)
+        return replace(_standing(mesh, up), modes=self.modes)

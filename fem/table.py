@@ -12,15 +12,15 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import Literal, NamedTuple, get_args
+from typing import Literal, NamedTuple, cast, get_args
 
 import numpy as np
 
 from .errors import InputError, UsageError
 from .note import Note
 
-TABLE_PATH = Path(__file__).parent / "data" / "materials.csv"
-CONTENTS_PATH = TABLE_PATH.with_name("contents.csv")
+DATA = Path(__file__).parent / "data"
+TABLE_PATH, CONTENTS_PATH = DATA / "materials.csv", DATA / "contents.csv"
 # A displacement-based element locks as nu -> .5, where lam is infinite; .495 keeps lam < 100 mu.
 NU_CAP = 0.495
 FIELDS = ("E", "nu", "rho")
@@ -58,8 +58,17 @@ class Band(NamedTuple):
     rho: Span
 
 
-def _band(E: tuple, nu: tuple, rho: tuple) -> Band:
-    return Band(Span(*E), Span(*nu), Span(*rho))
+def _records(path: str | Path) -> list[dict[str, str]]:
+    """Records of a table in CSV, by the names of its columns."""
+    try:
+        with open(path, encoding="utf-8", newline="") as file:
+            return list(csv.DictReader(file))
+    except OSError as error:
+        raise InputError("table.cannot_read", error=error) from error
+
+
+def _span(record: Mapping[str, str], low: str, high: str) -> Span:
+    return Span(float(record[low]), float(record[high]))
 
 
 # Set by hand from what such matter can be, not from the rows, and so narrow that no row survives a
@@ -69,28 +78,8 @@ def _band(E: tuple, nu: tuple, rho: tuple) -> Band:
 # grain to snakewood along it, fluorinated rubber as the densest elastomer, horn as soft bone,
 # polyethylene fibres as the lightest composite.
 CATEGORIES: Mapping[str, Band] = {
-    "metal": _band((1e10, 7e11), (0.15, 0.46), (1500, 23000)),
-    "glass-ceramic": _band((5e9, 6e11), (0.05, 0.35), (1000, 6500)),
-    "stone": _band((1e9, 1.5e11), (0.05, 0.42), (300, 3300)),
-    "composite": _band((5e9, 5e11), (0.1, 0.45), (900, 2500)),
-    "plastic": _band((1e8, 1e10), (0.28, 0.48), (800, 2400)),
-    "elastomer": _band((5e4, 1e8), (0.4, 0.5), (800, 2000)),
-    "hard elastomer": _band((5e6, 5e8), (0.38, 0.5), (900, 1600)),
-    "wood": _band((2e8, 3.5e10), (0.1, 0.5), (50, 1500)),
-    "cork": _band((5e6, 1e8), (0.0, 0.45), (80, 400)),
-    "plant": _band((1e6, 1.5e10), (0.1, 0.5), (50, 1200)),
-    "fruit and vegetable": _band((1e5, 2e7), (0.05, 0.5), (300, 1200)),
-    "soft food": _band((1e3, 5e6), (0.0, 0.5), (40, 1300)),
-    "hard food": _band((2e7, 1e10), (0.1, 0.45), (300, 1800)),
-    "bone and shell": _band((1e9, 1e11), (0.15, 0.42), (1200, 3000)),
-    "soft foam": _band((1e3, 5e5), (-0.1, 0.5), (8, 150)),
-    "rigid foam": _band((5e5, 2e8), (-0.1, 0.5), (8, 400)),
-    "fabric and leather": _band((5e5, 3e9), (0.0, 0.5), (60, 1300)),
-    "paper": _band((2e7, 1e10), (0.0, 0.45), (80, 1300)),
-    "wax": _band((1e7, 5e8), (0.33, 0.48), (800, 1300)),
-    "soil": _band((1e5, 5e8), (0.05, 0.5), (50, 2400)),
-    "liquid": _band((1e3, 1e5), (0.45, 0.5), (600, 14000)),
-    "bulk solid": _band((4e4, 5e7), (0.0, 0.5), (8, 8000)),
+    record["name"]: Band(*(_span(record, *_COLUMNS[field]) for field in FIELDS))
+    for record in _records(DATA / "categories.csv")
 }
 
 
@@ -139,13 +128,11 @@ def material_of_values(value: MaterialValue) -> Material:
 
 def outside_band(category: str, E: float, nu: float, rho: float) -> list[str]:
     """Return one sentence for each of E [Pa], nu [1], rho [kg/m^3] outside the category's band."""
-    if category not in {*CATEGORIES, AS_STATED}:
-        raise UsageError(
-            "table.unknown_category", category=category, categories=", ".join(CATEGORIES)
-        )
-    if category in CATEGORIES:
-        band = CATEGORIES[category]
-    else:  # what is only stated may be of any
+    band = CATEGORIES.get(category)
+    if band is None:  # what is only stated may be of any
+        if category != AS_STATED:
+            names = ", ".join(CATEGORIES)
+            raise UsageError("table.unknown_category", category=category, categories=names)
         spans = zip(*CATEGORIES.values(), strict=True)
         band = Band(*(Span(min(s.min for s in of), max(s.max for s in of)) for of in spans))
     complaints = []
@@ -181,25 +168,24 @@ class MaterialTable:
         self.phrases: dict[str, Material] = {}
         for row in rows:
             # Reject swapped limits and values outside the category's band
+            name = row.name
             for field in FIELDS:
                 low, high = getattr(row, field)
                 if not low <= high:
                     raise InputError(
-                        "table.material_min", name=row.name, field=field, low=low, high=high
+                        "table.material_min", name=name, field=field, low=low, high=high
                     )
             # Rubber's nu may touch .5, the incompressible limit; the value taken is below it.
             nu_max = min(row.nu.max, NU_CAP) if row.nu.max == 0.5 else row.nu.max
             for end in ((row.E.min, row.nu.min, row.rho.min), (row.E.max, nu_max, row.rho.max)):
                 complaints = outside_band(row.category, *end)
                 if complaints:
-                    raise InputError(f"material {row.name!r}: {'; '.join(complaints)}")
-            for name in (row.name, *row.aliases):
-                if key(name) in self.phrases:
-                    other = self.phrases[key(name)].name
-                    raise InputError(
-                        "table.names_materials", name=name, other=other, name_2=row.name
-                    )
-                self.phrases[key(name)] = row
+                    raise InputError(f"material {name!r}: {'; '.join(complaints)}")
+            for phrase in map(key, (name, *row.aliases)):
+                if phrase in self.phrases:
+                    other = self.phrases[phrase].name
+                    raise InputError("table.names_materials", name=phrase, other=other, name_2=name)
+                self.phrases[phrase] = row
 
     def __len__(self) -> int:
         return len(self.rows)
@@ -216,12 +202,8 @@ class MaterialTable:
         """Return the row of a name or alias; an unknown one is a ``UsageError`` with a hint."""
         if key(name) in self.phrases:
             return self.phrases[key(name)]
-        near = self.near(name)
-        hint = (
-            Note("table.you_mean", near=", ".join(map(repr, near)))
-            if near
-            else Note("table.try_simpler")
-        )
+        near = ", ".join(map(repr, self.near(name)))
+        hint = Note("table.you_mean", near=near) if near else Note("table.try_simpler")
         raise UsageError("table.material_table", name=name, hint=hint)
 
     def near(self, name: str) -> list[str]:
@@ -232,31 +214,32 @@ class MaterialTable:
         """Rows whose name, aliases or category hold every word of the query, best match first."""
         words = key(query)
 
-        def rank(row: Material) -> tuple[int, int]:
+        whole = re.compile(rf"\b{re.escape(words)}\b")
+
+        def rank(row: Material) -> int:
             names = [key(row.name), *map(key, row.aliases)]
-            return (0 if words in names else 1 if words in names[0] else 2, self.rows.index(row))
+            found = (words in names, whole.search(names[0]), whole.search(text(row)), True)
+            return next(i for i, there in enumerate(found) if there)
 
         def text(row: Material) -> str:
             return key(" ".join([row.name, row.category, *row.aliases]))
 
-        rows = [row for row in self.rows if all(word in text(row) for word in words.split())]
-        return sorted(rows, key=rank)
+        rows = (row for row in self.rows if all(word in text(row) for word in words.split()))
+        return sorted(rows, key=rank)  # equals stay in the table's order
 
 
 def row_of_record(record: Mapping[str, str], place: str) -> Material:
     """Return the row of a CSV's record; ``place`` says in errors where it stands."""
 
     def span(field: str) -> Span:
+        columns = _COLUMNS[field]
         try:
-            low, high = (float(record[column]) for column in _COLUMNS[field])
+            return _span(record, *columns)
         except (KeyError, TypeError, ValueError) as error:
+            names = " and ".join(columns)
             raise InputError(
-                "table.wanted_number",
-                place=place,
-                columns=" and ".join(_COLUMNS[field]),
-                error=error,
+                "table.wanted_number", place=place, columns=names, error=error
             ) from error
-        return Span(low, high)
 
     return Material(
         name=record["name"],
@@ -299,22 +282,13 @@ def load_table(path: str | Path | None = None) -> MaterialTable:
     >>> oak.category, oak.E[0] <= oak.value().E <= oak.E[1]
     ('wood', True)
     """
-    try:
-        with open(path or TABLE_PATH, encoding="utf-8", newline="") as file:
-            records = list(csv.DictReader(file))
-    except OSError as error:
-        raise InputError("table.cannot_read", error=error) from error
+    records = _records(path or TABLE_PATH)
     missing = {"name", "category", "source"} - set(records[0] if records else ())
     if missing:
-        raise InputError(
-            "table.material_table_column", path=path, missing=", ".join(sorted(missing))
-        )
-    return MaterialTable(
-        tuple(
-            row_of_record(r, Note("table.material_table_line", at=at))
-            for at, r in enumerate(records, 2)
-        )
-    )
+        names = ", ".join(sorted(missing))
+        raise InputError("table.material_table_column", path=path, missing=names)
+    lines = [Note("table.material_table_line", at=at) for at in range(2, len(records) + 2)]
+    return MaterialTable(tuple(map(row_of_record, records, lines)))
 
 
 def load_contents() -> MaterialTable:
@@ -408,6 +382,24 @@ class Grain:
 
 
 @dataclass(frozen=True)
+class CrossStrength:
+    """Strengths of a material with a grain or fibres, beside those along them.
+
+    tension, compression: Stress across the grain that it stands [Pa].
+    shear: Shear stress that it stands along the grain [Pa].
+    source: Where the numbers come from.
+    estimated: Those of them that are estimates, by the row's own strengths along the grain and
+        what is usual for its category.
+    """
+
+    tension: float
+    compression: float
+    shear: float
+    source: str
+    estimated: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
 class Colour:
     """The typical colour of a bare material, not painted: CIE L*a*b* of 1976 at D65.
 
@@ -443,34 +435,18 @@ class Flow:
     estimated: tuple[str, ...] = ()
 
 
-def _records(table: str) -> list[dict[str, str]]:
-    """Records of a table beside the material table, by the names of its columns."""
-    path = TABLE_PATH.with_name(f"{table}.csv")
-    try:
-        with open(path, encoding="utf-8", newline="") as file:
-            return list(csv.DictReader(file))
-    except OSError as error:
-        raise InputError("table.cannot_read_table", table=table, error=error) from error
-
-
 @lru_cache(maxsize=1)
 def load_strengths() -> Mapping[str, Strength]:
     """Return the strengths by the name of the row."""
     strengths = {}
-    for record in _records("strength"):
-        kind = next((known for known in get_args(StrengthKind) if known == record["kind"]), None)
-        if kind is None:
-            raise InputError(
-                "table.strength_unknown", record=record["name"], record_2=record["kind"]
-            )
-        tension, compression = (
-            Span(float(record[f"{side}_min_Pa"]), float(record[f"{side}_max_Pa"]))
-            if record[f"{side}_min_Pa"]
-            else None
-            for side in ("tension", "compression")
-        )
-        assert tension is not None
-        strengths[record["name"]] = Strength(kind, tension, compression, record["source"])
+    for record in _records(DATA / "strength.csv"):
+        name, kind = record["name"], record["kind"]
+        if kind not in get_args(StrengthKind):
+            raise InputError("table.strength_unknown", record=name, record_2=kind)
+        tension = _span(record, "tension_min_Pa", "tension_max_Pa")
+        pressed = record["compression_min_Pa"]
+        compression = _span(record, "compression_min_Pa", "compression_max_Pa") if pressed else None
+        strengths[name] = Strength(cast(StrengthKind, kind), tension, compression, record["source"])
     return strengths
 
 
@@ -484,8 +460,43 @@ def load_grains() -> Mapping[str, Grain]:
             source=record["source"],
             estimated=tuple(record["estimated"].split()),
         )
-        for record in _records("grain")
+        for record in _records(DATA / "grain.csv")
     }
+
+
+@lru_cache(maxsize=1)
+def load_cross_strengths() -> Mapping[str, CrossStrength]:
+    """Return strengths across the grain by the name of the row: of all that have a grain.
+
+    What is not known is a share of the strength along the grain: the median of those of its
+    category whose strengths are known, or of all.
+    """
+    sides, strengths, table = ("tension", "compression", "shear"), load_strengths(), load_table()
+    records = {record["name"]: record for record in _records(DATA / "across.csv")}
+    known = {
+        (name, side): float(record[f"{side}_Pa"])
+        for name, record in records.items()
+        for side in sides
+        if record[f"{side}_Pa"]
+    }
+
+    def along(name: str, side: str) -> float:
+        return strengths[name].limit(compression=side != "tension")
+
+    def usual(name: str, side: str) -> float:
+        shares = {other: known[other, side] / along(other, side) for other in records
+                  if (other, side) in known}  # fmt: skip
+        category = table.exact(name).category
+        alike = [x for other, x in shares.items() if table.exact(other).category == category]
+        return float(np.median(alike or [*shares.values()])) * along(name, side)
+
+    found = {}
+    for name in load_grains().keys() & strengths.keys():
+        values = [known.get((name, side)) or usual(name, side) for side in sides]
+        estimated = tuple(side for side in sides if (name, side) not in known)
+        source = records[name]["source"] if name in records else ""
+        found[name] = CrossStrength(*values, source=source, estimated=estimated)
+    return found
 
 
 @lru_cache(maxsize=1)
@@ -496,7 +507,7 @@ def load_colours() -> Mapping[str, Colour]:
             *(float(record[column]) for column in ("L", "a", "b", "spread")),
             source=record["source"],
         )
-        for record in _records("colour")
+        for record in _records(DATA / "colour.csv")
     }
 
 
@@ -505,7 +516,7 @@ def load_flows() -> Mapping[str, Flow]:
     """Return how materials flow, slide or break by the name of the row, contents among them."""
     columns = ("yield_{}_Pa", "viscosity_{}_Pa_s", "friction_{}_deg", "fracture_{}_J_m2")
     flows = {}
-    for record in _records("flow"):
+    for record in _records(DATA / "flow.csv"):
         ends = [(record[c.format("min")], record[c.format("max")]) for c in columns]
         spans = [Span(float(low), float(high)) if low else None for low, high in ends]
         estimated = tuple(record["estimated"].split())

@@ -20,11 +20,11 @@ from .elements.forces import load_vector, squared_masses
 from .errors import ConvergenceError
 from .grain import is_of_row
 from .laws.law import Law
-from .material import ElementMaterial
 from .mesh import TetMesh, material_of
 from .note import Note
 from .reduced.sweep import LinearFamily, Member
 from .scene.scene import Scene
+from .solve.buckling import find_load_factor
 from .solve.result import Modes, SagResult
 from .solve.statics import check_held, solve_static
 from .table import FIELDS, NU_CAP, MaterialValue, Span, load_grains, load_table
@@ -106,7 +106,7 @@ def likely_answers(
     )
     if not family.affordable():
         return None
-    # Bodies: rows by a lattice, drawn parts as they were drawn, in order
+    # Bodies: rows by a lattice, even in nu and in log E and log rho; drawn parts as drawn, in order
     of_rows = np.array([one.draws is None for one in ranges])
     drawn = max((len(one.draws) for one in ranges if one.draws is not None), default=0)
     count = max(SAMPLES, drawn) if of_rows.any() else drawn
@@ -114,16 +114,17 @@ def likely_answers(
     if of_rows.any():
         rng, wide = np.random.default_rng(0), 3 * int(of_rows.sum())
         places[:, of_rows] = shifted_lattice(count, wide, rng).reshape(count, -1, 3)
-    members = [_member(ranges, place) for place in places]
-    for number, member in enumerate(members):
-        for k, one in enumerate(ranges):
-            if one.draws is not None:
-                E, nu, rho = one.draws[number % len(one.draws)]
-                member.E[k], member.nu[k] = E / one.taken.E, nu
-                member.rho[k] = rho / one.taken.rho
-    ends = [_member(ranges, np.tile(end, (len(ranges), 1))) for end in ENDS]
-    ones = np.ones(len(ranges))
-    as_taken = Member(ones, np.array([one.taken.nu for one in ranges]), ones)
+    places = np.concatenate([np.tile(np.array(ENDS)[:, None], (len(ranges), 1)), places])
+    taken = np.array([one.taken for one in ranges])
+    low, high = np.moveaxis(np.array([(one.E, one.nu, one.rho) for one in ranges]), 2, 0)
+    values = low + places * (high - low)
+    values[..., ::2] = low[:, ::2] * (high[:, ::2] / low[:, ::2]) ** places[..., ::2]
+    for k, one in enumerate(ranges):
+        if one.draws is not None:
+            values[len(ENDS) :, k] = one.draws[np.arange(count) % len(one.draws)]
+    members = [Member(E / taken[:, 0], nu, rho / taken[:, 2]) for E, nu, rho in values.mT]
+    ends, members = members[: len(ENDS)], members[len(ENDS) :]
+    as_taken = Member(np.ones(len(ranges)), taken[:, 1], np.ones(len(ranges)))
     try:
         family.add([as_taken, *ends])
         # Largest error of the last members that were compared, before they were taken in too
@@ -164,7 +165,8 @@ def ranged_answers(
 ) -> dict[str, Any] | None:
     """Lowest and highest mass [kg], displacement [m] and frequencies [Hz], and what is likely.
 
-    A displacement is told of a ``result``, frequencies of ``modes``. None: no range is known.
+    A displacement and the load factor of buckling [1] are told of a ``result``, frequencies of
+    ``modes``. None: no range is known.
     """
     ranges = material_ranges(scene.mesh, materials, draws, exact)
     if ranges is None:
@@ -172,6 +174,7 @@ def ranged_answers(
     ends: dict[str, Any] = {"mass": mass_range(scene.mesh, ranges)}
     if result is not None:
         ends["max_displacement"] = displacement_interval(scene, result, ranges)
+        ends["load_factor"] = load_factor_interval(scene, result, ranges)
     ends["frequencies"] = frequency_intervals(scene.mesh, modes, ranges) if modes else ()
     likely = likely_answers(scene, materials, draws=draws, exact=exact, result=result, modes=modes)
     return with_likely(ends, likely)
@@ -183,7 +186,7 @@ def with_likely(ends: Mapping[str, Any], likely: Likely | None) -> dict[str, Any
     They leave Poisson's ratio as it is; what is likely does not.
     """
     held = dict(ends)
-    for name in held if likely else ():
+    for name in held.keys() - {"load_factor"} if likely else ():
         inner = getattr(likely, name)
         if name == "frequencies":
             rest = held[name][len(inner) :]
@@ -191,16 +194,6 @@ def with_likely(ends: Mapping[str, Any], likely: Likely | None) -> dict[str, Any
         elif held[name] is not None:
             held[name] = held[name].holding(inner)
     return {**held, "likely": likely}
-
-
-def _member(ranges: Sequence[OpenRange], places: Float[np.ndarray, "ranges 3"]) -> Member:
-    """Body whose E, nu and rho lie at ``places`` [0 to 1] of their ranges."""
-    E, nu, rho = np.empty((3, len(ranges)))
-    for k, (one, (a, b, c)) in enumerate(zip(ranges, places, strict=True)):
-        E[k] = one.E.min ** (1 - a) * one.E.max**a / one.taken.E
-        nu[k] = one.nu.min + b * (one.nu.max - one.nu.min)
-        rho[k] = one.rho.min ** (1 - c) * one.rho.max**c / one.taken.rho
-    return Member(E, nu, rho)
 
 
 def _middle(values: np.ndarray) -> Interval:
@@ -212,6 +205,10 @@ def _middle(values: np.ndarray) -> Interval:
 #
 # E and rho of a part are one value of its range. Solved again with all of them soft and heavy, or
 # stiff and light, the answer gets a lowest and a highest value; Poisson's ratio stays.
+
+
+# A load factor above this is told as it is: its range is of no concern.
+NEARBY = 5.0
 
 
 class Interval(NamedTuple):
@@ -246,26 +243,45 @@ def displacement_interval(scene: Scene, result: SagResult, ranges: RangeFactors)
     loads["gravity_vector"] = scene.gravity_vector
     material = material_of(scene.mesh)
 
-    def largest(taken: ElementMaterial) -> float:
+    def largest(E: np.ndarray | float, rho: np.ndarray | float) -> float:
+        taken = replace(material.times(E), rho=material.rho * rho)
         solved = solve_static(scene.mesh.with_material(taken), scene.held, **loads)
         return float(np.linalg.norm(solved.displacement, axis=1).max())
 
-    try:
-        as_taken = largest(material)
-        ends = []
-        for E in (ranges.soft, ranges.stiff):  # after each other: a stiffness is made once
-            tensor = None if material.tensor is None else material.tensor * E[:, None, None]
-            end = replace(material, E=material.E * E, tensor=tensor)
-            ends += [
-                largest(replace(end, rho=material.rho * rho))
-                for rho in (ranges.heavy, ranges.light)
-            ]
+    stiffnesses, weights = (ranges.soft, ranges.stiff), (ranges.heavy, ranges.light)
+    try:  # those of one stiffness after each other: its factor is made once
+        sizes = np.array([largest(1, 1), *(largest(E, w) for E in stiffnesses for w in weights)])
     except ConvergenceError:
         return None
-    if not as_taken > 0:
+    if not sizes[0] > 0:
         return None
-    ratios = np.array([as_taken, *ends]) / as_taken
-    return Interval(*(result.max_displacement * float(r) for r in (ratios.min(), ratios.max())))
+    low, high = result.max_displacement * sizes[[sizes.argmin(), sizes.argmax()]] / sizes[0]
+    return Interval(float(low), float(high))
+
+
+def load_factor_interval(scene: Scene, result: SagResult, ranges: RangeFactors) -> Interval | None:
+    """Multiple of the load at which the body buckles, soft and heavy or stiff and light.
+
+    None where it is not known, or cannot come near ``NEARBY``. As for the displacement, linear
+    elements tell how much it changes.
+    """
+    known, material = result.load_factor, material_of(scene.mesh)
+    if known is None or result.static.law != Law.LINEAR:
+        return None
+    if not known.value * ranges.soft.min() / ranges.heavy.max() < NEARBY:
+        return None
+    loads = {"traction": scene.tractions, "forces": scene.forces, "order": 1}
+    loads["gravity_vector"] = scene.gravity_vector
+    one, factors = np.ones(1), []
+    ends = ((one, one), (ranges.soft, ranges.heavy), (ranges.stiff, ranges.light))
+    try:
+        for E, rho in ends:
+            taken = replace(material.times(E), rho=material.rho * rho)
+            rest = solve_static(scene.mesh.with_material(taken), scene.held, **loads)
+            factors.append(find_load_factor(rest, scene.held).value)
+    except ConvergenceError:
+        return None
+    return Interval(*(known.value * factor / factors[0] for factor in factors[1:]))
 
 
 def frequency_intervals(mesh: TetMesh, modes: Modes, ranges: RangeFactors) -> tuple[Interval, ...]:
@@ -367,34 +383,32 @@ def open_ranges(
         elif row is not None and is_of_row(material.E[tets], row.name):
             alike = row.name, frozenset((exact or {}).get(part, ()))
             of_row[alike] = of_row.get(alike, False) | tets
-    ranges = []
+    known: list[tuple[np.ndarray, Sequence[Span], bool, np.ndarray | None]] = []
     for (name, fixed), tets in of_row.items():
-        if fixed >= {*FIELDS}:
-            continue
         row = rows[name]
-        spans = (row.E, Span(*np.clip(row.nu, 0.0, NU_CAP)), row.rho)
+        open_spans = (row.E, Span(*np.clip(row.nu, 0.0, NU_CAP)), row.rho)
         spans = [  # of what is fixed an empty one, which holds what the tets have and no more
             Span(np.inf, -np.inf) if field in fixed else span
-            for field, span in zip(FIELDS, spans, strict=True)
+            for field, span in zip(FIELDS, open_spans, strict=True)
         ]
-        grained = material.tensor is not None and name in load_grains()
-        ranges.append(_open(material, tets, spans)._replace(grained=grained))
+        if not fixed >= {*FIELDS}:
+            known.append((tets, spans, material.tensor is not None and name in load_grains(), None))
     for part, tets in drawn.items():
         values = np.array(draws[part] if draws else [])
         values[:, 1] = values[:, 1].clip(0.0, NU_CAP)
-        spans = tuple(Span(float(v.min()), float(v.max())) for v in values.T)
-        ranges.append(_open(material, tets, spans)._replace(draws=values))
+        known.append(
+            (tets, [Span(*ends) for ends in np.quantile(values, (0, 1), 0).T], False, values)
+        )
+    ranges = []
+    for tets, spans, grained, values in known:  # what the tets have is in their ranges too
+        own = [getattr(material, field)[tets] for field in FIELDS]
+        E, nu, rho = (
+            Span(min(low, float(x.min())), max(high, float(x.max())))
+            for (low, high), x in zip(spans, own, strict=True)
+        )
+        taken = MaterialValue(*(float(np.median(x)) for x in own))
+        ranges.append(OpenRange(tets, E, nu, rho, taken, grained, values))
     return tuple(ranges)
-
-
-def _open(material: ElementMaterial, own: np.ndarray, spans: Sequence[Span]) -> OpenRange:
-    """Spans that hold what the tets have, too."""
-    values = [getattr(material, name)[own] for name in FIELDS]
-    E, nu, rho = (
-        Span(min(span.min, float(x.min())), max(span.max, float(x.max())))
-        for span, x in zip(spans, values, strict=True)
-    )
-    return OpenRange(own, E, nu, rho, MaterialValue(*(float(np.median(x)) for x in values)))
 
 
 class RangeFactors(NamedTuple):

@@ -32,9 +32,8 @@ def checked_number(name: str, given: Any, unit: str, *, least: float = -np.inf) 
     """Return ``given`` as a finite number [``unit``] that is at least ``least``."""
     number = float(given)
     if not (np.isfinite(number) and number >= least):
-        wanted = (
-            f"a number >= {least:g}" if np.isfinite(least) else Note("validation.finite_number")
-        )
+        finite = Note("validation.finite_number")
+        wanted = f"a number >= {least:g}" if np.isfinite(least) else finite
         raise InputError(f"{name} {given:g} {unit}: wanted {wanted}".replace("  ", " "))
     return number
 

@@ -17,7 +17,7 @@ _HOME = {
     "Grid": "grid",
     "MaterialField": "field",
     "MiniLM": "encoders.minilm",
-    "HintedEncoder": "text.hearing",
+    "HintedEncoder": "film.words",
     "hemisphere": "appearance.views",
     "count_parameters": "film.unet",
 }

@@ -14,8 +14,10 @@ from jaxtyping import Float, Int
 from ..fem.errors import InputError
 from ..fem.note import Note
 from ..fem.table import MaterialTable
+from .appearance.surface import to_linear
 from .field import Normalisation
-from .text.hearing import KINDS, EncodedClause, kind_of
+from .text.clauses import Clause
+from .text.parts import KINDS, kind_of
 
 # Of the log ratios so much is believed, and so much is added to that of the part that fits a kind
 # best, as what is spoken of is there. Fitted on either source of training, the log loss on the
@@ -26,12 +28,12 @@ _NOTHING = 1e-9  # of a share that is divided
 _ALIKE = 1e-3  # looks that differ by less are one: a quarter of a step of eight bits
 
 
-def matters(clauses: Sequence[EncodedClause]) -> Int[np.ndarray, "clauses"]:
+def matters(clauses: Sequence[Clause]) -> Int[np.ndarray, "clauses"]:
     """For each clause that speaks of matter alone its kind, as an index into ``KINDS``, else -1."""
     kinds = [
         None
         if any(kind_of(part) is None for part in clause.parts)
-        else kind_of(clause.phrase) or kind_of(clause.written)
+        else kind_of(clause.phrase) or kind_of(clause.text)
         for clause in clauses
     ]
     return np.array([-1 if kind is None else KINDS.index(kind) for kind in kinds], dtype=int)
@@ -88,7 +90,7 @@ def by_appearance(
 
 
 def typed_values(
-    clauses: Sequence[EncodedClause], table: MaterialTable, normalisation: Normalisation
+    clauses: Sequence[Clause], table: MaterialTable, normalisation: Normalisation
 ) -> Float[np.ndarray, "clauses 3"]:
     """Normalised values of the material that each clause names, NaN where it names none."""
     nothing = np.full(3, np.nan)
@@ -198,9 +200,7 @@ _XYZ = np.array(
 
 def lab(rgb: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
     """CIE L*, a*, b* of sRGB colours in [0, 1] (CIE 15:2004)."""
-    c = np.clip(rgb, 0.0, 1.0)
-    linear = np.where(c <= 0.04045, c / 12.92, ((c + 0.055) / 1.055) ** 2.4)
-    t = linear @ _XYZ.T
+    t = to_linear(np.clip(rgb, 0.0, 1.0)) @ _XYZ.T
     f = np.where(t > 216 / 24389, np.cbrt(t), (24389 / 27 * t + 16) / 116)
     x, y, z = f.T
     return np.stack([116 * y - 16, 500 * (x - y), 200 * (y - z)], axis=1)
@@ -270,6 +270,8 @@ def by_look(looks: Float[np.ndarray, "n look"]) -> Int[np.ndarray, "n"]:
     Quick shift (Vedaldi & Soatto 2008) on a histogram of looks: each bin goes where the nearest
     denser one goes, a bin that has none within ``NEAR`` stays and is a piece.
     """
+    from scipy.spatial.distance import cdist
+
     seen = np.concatenate([lab(looks[:, :3]), looks[:, 3:] * _WEIGHTS], axis=1)
     _, of_bin, count = np.unique(
         np.round(seen / STEP).astype(np.int64), axis=0, return_inverse=True, return_counts=True
@@ -278,7 +280,7 @@ def by_look(looks: Float[np.ndarray, "n look"]) -> Int[np.ndarray, "n"]:
     means = np.stack([np.bincount(of_bin, column) / count for column in seen.T], axis=1)
     full = np.argsort(-count, kind="stable")[:_BINS]
     places, number = means[full], count[full]
-    square = _square(places, places)
+    square = cdist(places, places, "sqeuclidean")
     density = np.exp(-square / (2 * (NEAR / 2) ** 2)) @ number
     order = np.argsort(-density, kind="stable")
     root = np.arange(len(places))  # for each bin the one of greatest density that it climbs to
@@ -290,14 +292,7 @@ def by_look(looks: Float[np.ndarray, "n look"]) -> Int[np.ndarray, "n"]:
     size = np.bincount(root, count[full], minlength=len(full))
     large = np.argsort(-size, kind="stable")[:MOST]
     large = large[(size[large] >= SPECK * len(looks)) | (np.arange(len(large)) == 0)]
-    piece = _square(means, means[full][large]).argmin(axis=1)
+    piece = cdist(means, means[full][large], "sqeuclidean").argmin(axis=1)
     for i, at in enumerate(large):
         piece[full[root == at]] = i
     return np.unique(piece[of_bin], return_inverse=True)[1].ravel()
-
-
-def _square(a: Float[np.ndarray, "n d"], b: Float[np.ndarray, "m d"]) -> Float[np.ndarray, "n m"]:
-    """Squares of all distances."""
-    return np.maximum(
-        np.square(a).sum(axis=1)[:, None] + np.square(b).sum(axis=1) - 2 * a @ b.T, 0.0
-    )

@@ -15,9 +15,8 @@ import numpy as np
 from jaxtyping import Float
 
 from .grid import PartVoxels
-from .text import hearing as words
-from .text.hearing import EncodedClause, stem
-from .text.lexicon import part_name_words, places
+from .text.clauses import Clause
+from .text.parts import EXPORTED, part_name_words, places, stem
 
 SMOOTH = 3  # cells: the shares of the clauses are averaged over cubes of this edge
 SPECK = 0.01  # of a part's cells: a smaller piece is given to its surroundings
@@ -26,7 +25,7 @@ _LEAST = 1e-6  # of a share, for its logarithm
 # most: "leg_1" and "leg_2", but not the top and a leg that are both called "Cylinder".
 SIZES = 2.0
 # What modelling programs call a thing before anyone names it.
-NAMELESS = words.EXPORTED | frozenset(
+NAMELESS = EXPORTED | frozenset(
     "object part mesh shape body cube cylinder sphere plane circle cone torus".split()
 )
 
@@ -67,7 +66,7 @@ def partition(
     parts: PartVoxels,
     left_open: Sequence[int],
     shares: Float[np.ndarray, "nx ny nz k"],
-    clauses: Sequence[EncodedClause],
+    clauses: Sequence[Clause],
 ) -> Partition:
     """Divide open parts by the clauses that speak of their cells; ``shares`` as above."""
     from scipy.ndimage import distance_transform_edt, uniform_filter
@@ -111,7 +110,7 @@ def partition(
     return Partition(pieces, tuple(parents), tuple(owners))
 
 
-def _piece(part: str, clause: EncodedClause, taken: Sequence[str]) -> str:
+def _piece(part: str, clause: Clause, taken: Sequence[str]) -> str:
     """Name of the piece of a part that a clause speaks of, unlike those that are taken."""
     spoken = clause.parts or map(stem, (clause.phrase or clause.text).split())
     name = f"{part} {' '.join(spoken)}"

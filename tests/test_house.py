@@ -15,7 +15,7 @@ FLOORS = {
     "fem": (
         "note", "errors", "validation", "registry", "device", "table", "material", "mesh",
         "scene", "laws", "elements", "linalg", "grain", "solve", "mpm", "reduced", "springs",
-        "identify", "scenarios", "safety", "uncertainty",
+        "identify", "scenarios", "reactions", "safety", "uncertainty",
     ),
     "predictors": (
         "asset", "grid", "field", "encoders", "text", "appearance", "prediction", "resolve",
@@ -177,7 +177,7 @@ def strings(tree: ast.AST, *, inside: tuple[ast.AST, ...] = ()) -> Iterator[tupl
 # Names of categories, states and features, and words that the network is told.
 TABLES = (
     "fem/table.py", "predictors/construction.py", "predictors/matter.py",
-    "predictors/text/hearing.py",
+    "predictors/film/words.py",
 )  # fmt: skip
 
 

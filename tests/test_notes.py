@@ -17,7 +17,9 @@ def _sentences() -> dict[str, set[str]]:
     """Kind -> fields of its sentence."""
     tables = tomllib.loads((ROOT / "toolkit/verdict/sentences.toml").read_text())
     return {
-        f"{file}.{key}": {name for _, name, _, _ in string.Formatter().parse(text) if name}
+        f"{file}.{key}": {
+            name.partition(".")[0] for _, name, _, _ in string.Formatter().parse(text) if name
+        }
         for file, table in tables.items()
         for key, text in table.items()
     }
@@ -31,11 +33,15 @@ def _calls() -> list[tuple[str, str, set[str]]]:
             if not (isinstance(node, ast.Call) and node.args):
                 continue
             name = ast.unparse(node.func)
-            first = node.args[0]
-            if (name == "Note" or name.endswith("Error")) and isinstance(first, ast.Constant):
-                kind = str(first.value)
-                if " " not in kind and "." in kind:
-                    values = {keyword.arg or "**" for keyword in node.keywords}
+            first, values = node.args[0], {keyword.arg or "**" for keyword in node.keywords}
+            kinds = (first.body, first.orelse) if isinstance(first, ast.IfExp) else (first,)
+            for kind in (getattr(one, "value", None) for one in kinds):
+                if not isinstance(kind, str):
+                    continue
+                advice = f"advice.{kind.replace(' ', '_')}"  # by the name of a check
+                if name == "Check" and advice in _sentences():
+                    calls.append((f"{path}:{node.lineno}", advice, set()))
+                elif (name == "Note" or name.endswith("Error")) and " " not in kind and "." in kind:
                     calls.append((f"{path}:{node.lineno}", kind, values))
     return calls
 

@@ -193,10 +193,7 @@ def batch(
     for job in jobs:
         folder = output / job.id
         if folder.exists() and not (folder / RECORD).is_file():
-            raise InputError(
-                f"{folder} is not the result of a batch and would be replaced: move it away, give "
-                "the row another id, or give another -o"
-            )
+            raise InputError("batch.would_replace", folder=folder)
     with _alone(output):
         ended = {job.id: past for job in jobs if (past := stored(job, output))}
         todo = [job for job in jobs if job.id not in ended]
@@ -261,10 +258,7 @@ def read_manifest(path: Path, *, common: Sequence[str] = ()) -> list[Job]:
     except (OSError, ValueError, csv.Error) as error:
         raise InputError(f"cannot read the manifest {path}: {error}") from error
     if "asset" not in columns:
-        raise InputError(
-            f"the manifest {path} begins with {', '.join(columns) or 'nothing'}: wanted a line of "
-            "column names, with asset and text among them"
-        )
+        raise InputError("batch.no_columns", path=path, got=", ".join(columns) or "nothing")
     for name in columns:
         if _option(name) not in COLUMNS:
             close = get_close_matches(_option(name), COLUMNS, n=1)
@@ -342,9 +336,7 @@ def _ray(jobs: Sequence[Job], output: Path, options: BatchOptions) -> Iterator[O
             import ray  # pyright: ignore[reportMissingImports]  (the extra `batch`)
             import ray.exceptions  # pyright: ignore[reportMissingImports]
         except ImportError as error:
-            raise InputError(
-                "--engine ray needs the extra: pip install autophyx-tet[batch]"
-            ) from error
+            raise InputError("batch.needs_ray") from error
         try:
             if options.address:
                 ray.init(address=options.address, log_to_driver=False)
@@ -353,9 +345,8 @@ def _ray(jobs: Sequence[Job], output: Path, options: BatchOptions) -> Iterator[O
                     "local", num_cpus=options.workers, include_dashboard=False, log_to_driver=False
                 )
         except (ConnectionError, RuntimeError, ValueError) as error:
-            raise InputError(
-                f"no Ray cluster at {options.address or 'this machine'}: {error}"
-            ) from error
+            place = options.address or "this machine"
+            raise InputError("batch.no_cluster", place=place, error=error) from error
         try:
             task = ray.remote(num_cpus=1, max_retries=RAY_RETRIES)(perform)
             limits = Limits.of(options, threads=1)

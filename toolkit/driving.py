@@ -11,6 +11,7 @@ import numpy as np
 
 from ..fem.errors import InputError, UsageError
 from ..fem.mesh import TetMesh
+from ..fem.note import Note
 from ..fem.solve.result import ParticleRun
 from ..predictors.asset import UpAxis
 from .asset.document import Sidecar, check_folder, mesh_suffixes
@@ -102,11 +103,8 @@ def drive(
     room = FAR * float(np.linalg.norm(np.ptp(rest, axis=0)))
     count, far = int(driven.valid.sum()), int((driven.embedding.away > room).sum())
     if far > STRAY * count:
-        warnings.append(
-            f"{far:,} of {count:,} lie more than {room:.2g} m outside the mesh, up to "
-            f"{driven.farthest:.3g} m: they follow what is nearest; has the carrier the axes and "
-            "metres of the mesh? --scale sets its metres per unit"
-        )
+        known = {"far": far, "count": count, "room": room, "farthest": driven.farthest}
+        warnings.append(Note("driving.outside", **known))
     return DriveRecord(
         files=tuple(folder / name for name in names),
         frames=len(names),

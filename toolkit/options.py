@@ -135,21 +135,17 @@ class WallOptions:
 
     def by_part(self) -> dict[str, float | None]:
         """Return the walls [m] of single parts, None for solid ones."""
-        walls = pairs(self.part_wall).items()
-        return {name: None if said == "solid" else _metres(said) for name, said in walls}
+        walls: dict[str, float | None] = {}
+        for name, said in pairs(self.part_wall).items():
+            try:
+                walls[name] = None if said == "solid" else float(said)
+            except ValueError as error:
+                raise UsageError("options.wall", value=said) from error
+        return walls
 
     def fillings(self) -> dict[str, str]:
         """Return the material that each part is full of; ``EVERY`` stands for all."""
         return pairs([said if "=" in said else f"{EVERY}={said}" for said in self.fill])
-
-
-def _metres(value: str) -> float:
-    try:
-        return float(value)
-    except ValueError as error:
-        raise UsageError(
-            f"wanted a wall in metres, NAME=0.003, or NAME=solid, got {value!r}"
-        ) from error
 
 
 @dataclass(frozen=True)
@@ -226,6 +222,8 @@ class SimulateOptions:
     """Law of the material; by default linear at rest, and neo-Hookean where strains are large."""
     order: Literal[1, 2] | None = None
     """Order of the elements, 1 or 2; by default 2 (motions: 1) while affordable."""
+    refine: float | None = None
+    """Refine the mesh of a rest where its error is until the answer is within so many percent."""
     supports: Literal["base", "three-point"] = "base"
     """Clamp the base, or rest on three points so that nothing is restrained but rigid motion."""
     fix: Annotated[tuple[str, ...], Repeated] = ()

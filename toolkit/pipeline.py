@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from itertools import product
@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..fem.mesh import TetMesh
+from ..fem.note import Note
 from ..predictors.asset import Asset
 from .asset import path_of
 from .asset.document import (
@@ -30,10 +31,8 @@ from .verdict.run import Conversion, RunCase, RunResult, Stopwatch, dialled
 from .walls import WallOptions
 
 if TYPE_CHECKING:
-    from ..converters.transfer import SampledMesh
     from ..fem.table import MaterialTable
     from ..predictors.text.clauses import Bound
-    from .walls import BuiltPart
 
 
 def convert(
@@ -180,7 +179,7 @@ def assign(
     from ..predictors.assign import predict_materials
     from ..predictors.resolve.numbers import numbers_of_parts
     from .features import appearance_of
-    from .walls import Called, Walls, build_parts, with_walls
+    from .walls import Called, Walls, build_parts, share_within, with_walls
 
     options = with_given(options or AssignOptions(), given, verb="assign").checked()
     output, field_output = path_of(output), path_of(field_output)
@@ -203,6 +202,7 @@ def assign(
         alpha=options.alpha,
         samples=options.samples,
         volumes=mesh.region_volumes().tolist(),
+        within=partial(share_within, mesh),
         usual=called.usual_materials(),
         up=sidecar.up,
         appearance=seen and partial(appearance_of, seen, voxels, encoder=options.encoder),
@@ -216,6 +216,9 @@ def assign(
     field = with_walls(found.field, built)
     sampled = sample_material(mesh, field)
     doubts = (*found.doubts(), *filter(None, (one.doubt for one in built)))
+    apparent = (one.warning for one in built)
+    regions = list(sampled.unmatched)
+    unmatched = (Note("assign.no_voxel", regions=regions),) if regions else ()
     result = Assignment(
         mesh=sampled.mesh,
         text=text,
@@ -224,7 +227,7 @@ def assign(
         built=built,
         sampling=sampled,
         sidecar=sidecar,
-        warnings=(*warnings, *doubts, *_told(built, sampled)),
+        warnings=(*warnings, *doubts, *filter(None, apparent), *unmatched),
         doubts=doubts,
     )
     if options.strict:
@@ -233,25 +236,24 @@ def assign(
     return _written(result, output, field_output)
 
 
-def _told(built: Sequence[BuiltPart], sampled: SampledMesh) -> Iterator[str]:
-    """What is apparent, and what has no voxel."""
-    yield from filter(None, (one.warning for one in built))
-    if sampled.unmatched:
-        yield f"regions {list(sampled.unmatched)} have no voxel: the nearest part gave the values"
-
-
 def _read(
     text: str, mesh: TetMesh, sidecar: Sidecar, options: AssignOptions
 ) -> tuple[Bound, MaterialTable]:
     """What a text says of the regions of a mesh, read here, once; and the materials it may name."""
     from ..fem.table import load_table
-    from ..predictors.text.interpreter import ChatEndpoint, read_sentence
+    from ..predictors.text.reader import read_sentence
     from .asset.own_materials import with_own_rows
 
     table = with_own_rows(options.table) if options.table else load_table()
-    interpreter = ChatEndpoint.at(options.interpreter) if options.interpreter else None
     labels = sidecar.labels_of(mesh.region_names)
-    return read_sentence(text, labels, table, interpreter=interpreter), table
+    if not options.interpreter:
+        return read_sentence(text, labels, table), table
+    from ..predictors.text.clauses import bind
+    from ..predictors.text.interpreter import ChatEndpoint, interpret
+
+    names = [own[0] for own in labels]
+    endpoint = ChatEndpoint.at(options.interpreter)
+    return bind(interpret(endpoint, text, table, names), labels), table
 
 
 def _written(result: Assignment, output: Path | None, field_output: Path | None) -> Assignment:
@@ -343,7 +345,8 @@ def run(
         options = (convert_options, walls, assign_options, simulate_options)
         said = {"text": [*filter(None, texts)], "output": output, "dial": dial}
         again = command_line("run", solid.asset.source or "ASSET", options=options, **said)
-        result = RunResult(solid, tuple(cases), *clock.spent, command=again, date=now())
+        spent = clock.seconds, clock.cpu_seconds
+        result = RunResult(solid, tuple(cases), *spent, command=again, date=now())
         if features:
             from .features import features as features_of
 

@@ -15,6 +15,7 @@ from ..converters.registry import Keeps
 from ..fem.errors import InputError, UsageError
 from ..fem.grain import grained_parts, parts_of_grain, with_grains
 from ..fem.mesh import TetMesh, material_of
+from ..fem.note import Note
 from ..predictors.field import MaterialField
 from ..predictors.grid import Grid
 from .asset import path_of
@@ -168,15 +169,11 @@ def transfer(
     warnings = []
     away = done.max_fallback_distance / float(np.linalg.norm(grid.hi - grid.lo))
     if away > AWAY:
-        warnings.append(
-            f"{done.n_fallback} of {done.points} places lie outside the field, up to "
-            f"{away:.2g} of its diagonal: has the target the axes "
-            "and the metres of the mesh? --scale sets its metres per unit"
-        )
+        count = {"outside": done.n_fallback, "count": done.points}
+        warnings.append(Note("transfer.outside_field", away=away, **count))
     if done.n_invalid:
-        warnings.append(
-            f"{done.n_invalid} of {done.points} points have no finite position and got no value"
-        )
+        count = {"invalid": done.n_invalid, "count": done.points}
+        warnings.append(Note("transfer.invalid", **count))
     if lost := (*done.lost, *lost):
         warnings.append(f"not kept in {output.name}: {', '.join(lost)}")
     return TransferResult(done, scale, files, tuple(warnings))
@@ -260,12 +257,7 @@ def export(
     warnings = [*(() if Keeps.GRAIN in done.lost else notes), *done.notes]
     change = result.quantisation()
     if change and max(change["largest"].values()) > 1e-9:  # rounding of a mean of equals is less
-        worst = change["largest"]
-        warnings.append(
-            f"materials were grouped into {done.bins}: E changes by at most "
-            f"{worst['E']:.2g}, nu by {worst['nu']:.2g}, rho by {worst['rho']:.2g} "
-            "(E and rho relative); --bins allows more"
-        )
+        warnings.append(Note("transfer.grouped", bins=done.bins, **change["largest"]))
     if lost := lost_words(done.lost, body):
         warnings.append(f"not kept in the files for {target}: {', '.join(lost)}")
     material = material_of(body)

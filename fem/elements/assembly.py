@@ -31,13 +31,11 @@ class Pattern(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Discretisation:
-    """The space of a mesh and its arrays on one device."""
+    """The space of a mesh, its ``tets`` as kernels take them and its pattern, on one device."""
 
     space: Space
     device: str
-    points: Any
-    elements: Any
-    quadrature: Any
+    tets: Any
     pattern: Pattern
     # lam, mu and rho of one material, and one more
     _constants: Recent[Any] = field(default_factory=lambda: Recent(4), repr=False)
@@ -71,17 +69,13 @@ def discretise(mesh: TetMesh, order: int, device: str = "cpu") -> Discretisation
     key = (mesh.points, mesh.tets, order, device)
     if (kept := _RECENT.get(*key)) is not None:
         return kept
-    wp = start_warp()
-    space = make_space(mesh, order)
-    grid = Discretisation(
-        space,
-        device,
-        wp.array(space.nodes, dtype=wp.vec3d, device=device),
-        wp.array(space.elements, dtype=wp.int32, device=device),
-        wp.array(element_points(order), dtype=wp.vec4d, device=device),
-        make_pattern(space, device),
-    )
-    return _RECENT.keep(grid, *key)
+    from ..laws.kernels_tensor import Tets
+
+    wp, space, tets = start_warp(), make_space(mesh, order), Tets()
+    tets.points = wp.array(space.nodes, dtype=wp.vec3d, device=device)
+    tets.elements = wp.array(space.elements, dtype=wp.int32, device=device)
+    tets.quadrature = wp.array(element_points(order), dtype=wp.vec4d, device=device)
+    return _RECENT.keep(Discretisation(space, device, tets, make_pattern(space, device)), *key)
 
 
 def make_pattern(space: Space, device: str = "cpu") -> Pattern:
@@ -119,9 +113,9 @@ def linear_stiffness(grid: Discretisation, material: ElementMaterial) -> BlockMa
     wp = start_warp()
     device, pattern = grid.device, grid.pattern
     values = wp.zeros(pattern.columns.shape[0], dtype=wp.mat33d, device=device)
-    tensor = wp.array(material.tensor, dtype=k.mat66d, device=device)
-    inputs = [grid.points, grid.elements, grid.quadrature, tensor, pattern.slots, values]
-    wp.launch(k.anisotropic_stiffness, len(material.tensor), inputs=inputs, device=device)
+    tensors = wp.array(material.tensor, dtype=k.mat66d, device=device)
+    inputs = [grid.tets, None, None, tensors, False, 1.0, None, None, False, pattern.slots, values]
+    wp.launch(k.tensor_tangent, len(material.tensor), inputs=inputs, device=device)
     return BlockMatrix(pattern.rows, pattern.columns, values)
 
 
@@ -133,11 +127,9 @@ def stiffness(grid: Discretisation, lam: np.ndarray, mu: np.ndarray) -> BlockMat
     device, pattern = grid.device, grid.pattern
     kernels = elastic_kernels(LAWS[Law.LINEAR])
     values = wp.zeros(pattern.columns.shape[0], dtype=wp.mat33d, device=device)
-    moduli = [grid.constant(m) for m in (lam, mu)]
-    kernel, arrays = kernels.stiffness_p1, [grid.points, grid.elements, *moduli]
-    if grid.space.order == 2:
-        kernel, arrays = kernels.stiffness_p2, [*arrays[:2], grid.quadrature, *moduli]
-    wp.launch(kernel, len(lam), inputs=[*arrays, pattern.slots], outputs=[values], device=device)
+    kernel = kernels.stiffness_p1 if grid.space.order == 1 else kernels.stiffness_p2
+    inputs = [grid.tets, *(grid.constant(m) for m in (lam, mu)), pattern.slots, values]
+    wp.launch(kernel, len(lam), inputs=inputs, device=device)
     return BlockMatrix(pattern.rows, pattern.columns, values)
 
 
@@ -210,14 +202,14 @@ def add_diagonal(matrix: BlockMatrix, added: Any) -> None:
     """
     from . import kernels_field as k
 
-    wp = start_warp()
-    device, blocks, diagonals = matrix.values.device, added, True
+    wp, device = start_warp(), matrix.values.device
     if isinstance(added, np.ndarray):
-        diagonals = added.ndim == 2
-        blocks = wp.array(added, dtype=wp.vec3d if diagonals else wp.mat33d, device=device)
-    inputs = [matrix.rows, matrix.columns, blocks, matrix.values]
-    kernel = k.add_diagonal_numbers if diagonals else k.add_diagonal
-    wp.launch(kernel, matrix.nodes, inputs=inputs, device=device)
+        if added.ndim == 3:
+            own = np.arange(matrix.nodes)
+            return add_blocks(matrix, own, own, added)
+        added = wp.array(added, dtype=wp.vec3d, device=device)
+    inputs = [matrix.rows, matrix.columns, added, matrix.values]
+    wp.launch(k.add_diagonal, matrix.nodes, inputs=inputs, device=device)
 
 
 class GrownPattern:
@@ -266,7 +258,11 @@ class GrownPattern:
 
 
 def node_supports(supports: Supports, space: Space) -> Supports:
-    """Continue ``supports`` to all nodes of ``space``: an edge is held where both its ends are."""
+    """Continue ``supports`` to all nodes of ``space``.
+
+    The middle of an edge is held with both its ends, on the surface and by one place: what lies
+    across the body between two held faces is free.
+    """
     if len(supports.fixed) == len(space.nodes):
         return supports
     if len(supports.fixed) != space.points:
@@ -277,11 +273,17 @@ def node_supports(supports: Supports, space: Space) -> Supports:
             count_2=len(space.nodes),
             order=space.order,
         )
-    edges = space.edges
+    edges, outer = space.edges, space.outer_edges[:, None]
+    places = [
+        np.concatenate([place, place[edges].all(axis=1) & outer]) for place in supports.places
+    ]
+    fixed = np.concatenate([supports.fixed, np.zeros((len(edges), 3), dtype=bool)])
     return Supports(
-        np.concatenate([supports.fixed, supports.fixed[edges].all(axis=1)]),
+        np.any([fixed, *places], axis=0),
         extend_linear(space, supports.values),
         np.concatenate([supports.springs, np.zeros((len(edges), 3))]),
+        supports.assumed,
+        tuple(places),
     )
 
 

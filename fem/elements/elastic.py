@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,7 +17,7 @@ from ..material import (
     mandel_tensor,
     mandel_vector,
 )
-from .assembly import BlockMatrix, Discretisation
+from .assembly import BlockMatrix, Discretisation, linear_stiffness
 
 
 class Response(NamedTuple):
@@ -43,7 +42,7 @@ class ElasticBody:
         start_warp()
         from .kernels_elastic import elastic_kernels
 
-        self.grid, self.law = grid, law
+        self.grid, self.law, self._material = grid, law, material
         self._law, self._kernels = LAWS[law], elastic_kernels(LAWS[law])
         # Tensors of what the law does not know, and the Lame parameters that it takes
         self._tensor, lame = None, material.lame
@@ -54,9 +53,7 @@ class ElasticBody:
             lame = isotropic_part(material) if self._law.finite else zero
             beyond = material.tensor - isotropic_tensor(*lame)
             self._tensor = start_warp().array(beyond, dtype=mat66d, device=grid.device)
-        moduli = [grid.constant(m) for m in lame]
-        self._p1_arrays = [grid.points, grid.elements, *moduli]
-        self._arrays = [grid.points, grid.elements, grid.quadrature, *moduli]
+        self._arrays = [grid.tets, *(grid.constant(m) for m in lame)]
 
     def _launch(self, kernel: Any, inputs: list) -> None:
         tets = len(self.grid.space.elements)
@@ -85,8 +82,8 @@ class ElasticBody:
         if self._tensor is not None:
             from . import kernels_elastic as k
 
-            inputs = [*self._arrays[:3], self._tensor, self._law.finite, field, energy, force]
-            self._launch(k.grain_response, inputs)
+            inputs = [*self._arrays, self._tensor, self._law.finite, 1.0, field, None, False]
+            self._launch(k.tensor_response, [*inputs, energy, force])
         return energy, force
 
     def tangent(self, u: Any, *, projected: bool = False) -> BlockMatrix:
@@ -96,30 +93,24 @@ class ElasticBody:
         what it gives.
         """
         wp = start_warp()
-        pattern = self.grid.pattern
+        pattern, arrays = self.grid.pattern, self._arrays
         values = wp.zeros(pattern.columns.shape[0], dtype=wp.mat33d, device=self.grid.device)
         if self._tensor is not None:
             from . import kernels_elastic as k
 
-            inputs = [*self._arrays[:3], self._tensor]
             if not self._law.finite:
-                self._launch(k.anisotropic_stiffness, [*inputs, pattern.slots, values])
-                return BlockMatrix(pattern.rows, pattern.columns, values)
-            field = self.grid.array(u)
-            self._launch(k.grain_tangent, [*inputs, field, projected, pattern.slots, values])
+                return linear_stiffness(self.grid, self._material)
+            inputs = [*arrays, self._tensor, True, 1.0, self.grid.array(u), None, projected]
+            self._launch(k.tensor_tangent, [*inputs, pattern.slots, values])
         kernels, p1 = self._kernels, self.grid.space.order == 1
-        arrays = self._p1_arrays if p1 else self._arrays
         if kernels.stiffness_p1:
             kernel = kernels.stiffness_p1 if p1 else kernels.stiffness_p2
         else:
-            field = self.grid.array(u)
+            arrays, kernel = [*arrays, self.grid.array(u)], kernels.exact
             if kernels.projected and (projected or not kernels.exact):
-                kernel, arrays = kernels.projected, self._arrays
+                kernel = kernels.projected
             elif self._law.tangent_p1 and p1:
                 kernel = self._law.tangent_p1
-            else:
-                kernel, arrays = kernels.exact, self._arrays
-            arrays = [*arrays, field]
         self._launch(kernel, [*arrays, pattern.slots, values])
         return BlockMatrix(pattern.rows, pattern.columns, values)
 
@@ -156,10 +147,10 @@ def von_mises(stress: Float[np.ndarray, "*n 3 3"]) -> Float[np.ndarray, "*n"]:
     return np.sqrt(1.5 * np.einsum("...ij,...ij->...", s, s))
 
 
-def first_piola(
+def energy_and_piola(
     law: str, H: Float[np.ndarray, "*n 3 3"], lame: LameParameters
-) -> Float[np.ndarray, "*n 3 3"]:
-    """First Piola stress [Pa] of the displacement gradient ``H``; it is linear in ``lame`` [Pa].
+) -> tuple[Float[np.ndarray, "*n"], Float[np.ndarray, "*n 3 3"]]:
+    """Energy [J/m^3] and first Piola stress [Pa] of ``H``; both are linear in ``lame`` [Pa].
 
     The Lame parameters broadcast against the leading axes of ``H``. Evaluated on the CPU by the
     functions that the kernels of elements are made of.
@@ -173,7 +164,14 @@ def first_piola(
     W, P = wp.empty(len(gradients), dtype=wp.float64, device="cpu"), wp.empty_like(gradients)
     inputs = [gradients, *(wp.array(m, dtype=wp.float64, device="cpu") for m in moduli), W, P]
     wp.launch(elastic_kernels(LAWS[law]).stress, len(gradients), inputs=inputs, device="cpu")
-    return P.numpy().reshape(H.shape)
+    return W.numpy().reshape(leading), P.numpy().reshape(H.shape)
+
+
+def first_piola(
+    law: str, H: Float[np.ndarray, "*n 3 3"], lame: LameParameters
+) -> Float[np.ndarray, "*n 3 3"]:
+    """First Piola stress [Pa] of the displacement gradient ``H``."""
+    return energy_and_piola(law, H, lame)[1]
 
 
 def linear_stress(
@@ -207,13 +205,6 @@ def strain_and_stress(
     return StrainAndStress(green, stress)
 
 
-@lru_cache(maxsize=8)
-def barycentric_array(device: str, key: bytes) -> Any:
-    """Device array of barycentric points given as float64 bytes (points, 4)."""
-    wp = start_warp()
-    return wp.array(np.frombuffer(key).reshape(-1, 4), dtype=wp.vec4d, device=device)
-
-
 def displacement_gradients(
     grid: Discretisation,
     u: Float[np.ndarray, "nodes 3"],
@@ -224,9 +215,26 @@ def displacement_gradients(
 
     wp = start_warp()
     tets, device = len(grid.space.elements), grid.device
-    where = barycentric_array(device, np.ascontiguousarray(barycentric, dtype=float).tobytes())
     out = wp.empty((tets, len(barycentric)), dtype=wp.mat33d, device=device)
-    field = wp.array(u, dtype=wp.vec3d, device=device)
-    arrays = [grid.points, grid.elements, where, field]
-    wp.launch(k.displacement_gradient, tets, inputs=arrays, outputs=[out], device=device)
+    where, field = wp.array(barycentric, dtype=wp.vec4d, device=device), grid.array(u)
+    inputs = [grid.tets, where, field, out]
+    wp.launch(k.displacement_gradient, tets, inputs=inputs, device=device)
     return out.numpy()
+
+
+def geometric_stiffness(grid: Discretisation, stress: Float[np.ndarray, "tets points 3 3"]) -> Any:
+    """K_sigma [N/m] of ``stress`` [Pa] at the points of quadrature, of one direction: a csr_array.
+
+    It is the same for every direction, shape (nodes, nodes).
+    """
+    from scipy.sparse import csr_array
+
+    from . import kernels_field as k
+
+    wp, pattern, count = start_warp(), grid.pattern, len(grid.space.nodes)
+    stresses = wp.array(stress, dtype=wp.mat33d, device=grid.device)
+    values = wp.zeros(pattern.columns.shape[0], dtype=wp.float64, device=grid.device)
+    inputs = [grid.tets, stresses, pattern.slots, values]
+    wp.launch(k.geometric_stiffness, len(stress), inputs=inputs, device=grid.device)
+    arrays = (values.numpy(), pattern.columns.numpy(), pattern.rows.numpy())
+    return csr_array(arrays, shape=(count, count))

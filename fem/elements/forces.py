@@ -13,19 +13,19 @@ from ..errors import InputError
 from ..mesh import TetMesh, face_areas, material_of
 from ..note import Note
 from ..scene.loads import Traction
+from ..scene.supports import Supports
 from ..validation import checked_rows, checked_vector
 from .assembly import Discretisation
 from .space import TET_POINTS, Space, duffy_rule, extend_linear, shape_functions
 
 
-def sum_at_nodes(space: Space, local: Callable[[int], np.ndarray]) -> Float[np.ndarray, "nodes 3"]:
-    """Sum ``local(i)`` (tets, 3) of the i-th node of every tet; little memory on large meshes."""
-    total = np.zeros((len(space.nodes), 3))
-    for i, ids in enumerate(space.elements.T):
-        part = local(i)
-        for k in range(3):
-            total[:, k] += np.bincount(ids, part[:, k], minlength=len(total))
-    return total
+def sum_at_nodes(
+    space: Space, local: Float[np.ndarray, "tets k *axes"]
+) -> Float[np.ndarray, "nodes *axes"]:
+    """Sum at the nodes what every tet has at its own."""
+    flat = local.reshape(space.elements.size, -1)
+    sums = [np.bincount(space.elements.ravel(), x, len(space.nodes)) for x in flat.T]
+    return np.stack(sums, axis=1).reshape(-1, *local.shape[2:])
 
 
 def nodal_integral(grid: Discretisation, density: Any) -> np.ndarray:
@@ -36,7 +36,7 @@ def nodal_integral(grid: Discretisation, density: Any) -> np.ndarray:
     fraction = shape_functions(grid.space.order, TET_POINTS).mean(axis=0)
     fraction = wp.array(fraction, dtype=wp.float64, device=grid.device)
     total = wp.zeros(len(grid.space.nodes), dtype=density.dtype, device=grid.device)
-    inputs = [grid.points, grid.elements, density, fraction, total]
+    inputs = [grid.tets, density, fraction, total]
     kernel = k.spread_vector if vector else k.spread_scalar
     wp.launch(kernel, len(density), inputs=inputs, device=grid.device)
     return total.numpy()
@@ -51,8 +51,7 @@ def body_force(
         N = shape_functions(space.order, TET_POINTS)  # (quadrature, nodes of an element)
         x = np.einsum("qk,tkd->tqd", TET_POINTS, mesh.points[mesh.tets])
         f = np.asarray(density(x.reshape(-1, 3))).reshape(x.shape)
-        local = np.einsum("t,tqd,qi->tid", mesh.volumes / 4, f, N)
-        return sum_at_nodes(space, lambda i: local[:, i])
+        return sum_at_nodes(space, np.einsum("t,tqd,qi->tid", mesh.volumes / 4, f, N))
     wp = start_warp()
     each = np.ascontiguousarray(np.broadcast_to(density, (len(mesh.tets), 3)), dtype=float)
     each = wp.array(each, dtype=wp.vec3d, device=grid.device, copy=grid.device != "cpu")
@@ -147,9 +146,20 @@ def mass_fractions(order: int) -> Float[np.ndarray, "_"]:
 
 def lumped_mass(mesh: TetMesh, space: Space) -> Float[np.ndarray, "nodes"]:
     """Mass [kg] of every node, from the density of every tet."""
-    fraction = mass_fractions(space.order)
-    mass = (material_of(mesh).rho * mesh.volumes)[:, None] * np.ones(3)
-    return sum_at_nodes(space, lambda i: fraction[i] * mass)[:, 0]
+    mass = material_of(mesh).rho * mesh.volumes
+    return sum_at_nodes(space, mass[:, None] * mass_fractions(space.order))
+
+
+def weighing_mass(
+    mesh: TetMesh, grid: Discretisation, supports: Supports
+) -> Float[np.ndarray, "nodes"]:
+    """Mass [kg] by which every node weighs: by the shape functions, where something holds the body.
+
+    Of a free body it is the lumped one: it falls as a whole then.
+    """
+    if not (supports.fixed.any() or supports.springs.any()):
+        return lumped_mass(mesh, grid.space)
+    return nodal_integral(grid, grid.constant(material_of(mesh).rho))
 
 
 def consistent_mass(mesh: TetMesh, grid: Discretisation) -> Any:

@@ -11,22 +11,23 @@ from typing import Any, NamedTuple
 import warp as wp
 
 from ..laws.kernels_tensor import (
-    Barycentric,
     Blocks,
     DoubleRows,
     Doubles,
     IntRows,
+    Tets,
     Vectors,
     mat99d,
     positive_part,
 )
 from ..laws.law import ElasticLaw
-from ..laws.linear import stiffness_block
 from .kernels_field import (
+    edge_ends,
     gradient_at,
     gradients,
     gradients_p2,
     mat43d,
+    mat103d,
     row3,
     row10,
     shape_gradients,
@@ -53,14 +54,6 @@ class ElasticKernels(NamedTuple):
 
 
 @wp.func
-def gradient_p1(g: mat43d, elements: IntRows, u: Vectors, t: int) -> wp.mat33d:
-    H = wp.mat33d()
-    for a in range(4):
-        H += wp.outer(u[elements[t, a]], row3(g, a))
-    return H
-
-
-@wp.func
 def columns_along(A: mat99d, q: wp.vec3d) -> mat93d:
     """Change of the stress with the displacement of a node: sum_d A[., (., d)] q_d."""
     B = mat93d()
@@ -80,6 +73,24 @@ def force_block(B: mat93d, p: wp.vec3d) -> wp.mat33d:
     return block
 
 
+@wp.func
+def gradients_of(a: int, g: mat43d, tets: Tets) -> mat43d:
+    """Gradients of the shape function a of a quadratic tet at the four quadrature points."""
+    d = mat43d()
+    if a < 4:
+        for n in range(4):
+            s = wp.float64(4.0) * tets.quadrature[n][a] - wp.float64(1.0)
+            for c in range(3):
+                d[n, c] = s * g[a, c]
+    else:
+        i, j = edge_ends(a - 4)
+        for n in range(4):
+            q = tets.quadrature[n]
+            for c in range(3):
+                d[n, c] = wp.float64(4.0) * (q[i] * g[j, c] + q[j] * g[i, c])
+    return d
+
+
 @cache
 def elastic_kernels(law: ElasticLaw) -> ElasticKernels:
     """Kernels of ``law``, all at once: one more later would compile the others again."""
@@ -93,8 +104,7 @@ def elastic_kernels(law: ElasticLaw) -> ElasticKernels:
         _tangent(law, projected) if projected else None,
         _tangent_at(law, exact) if exact else None,
         _tangent_at(law, projected) if projected else None,
-        _stiffness_p1(law, block) if block else None,
-        _stiffness_p2(law, block) if block else None,
+        *(_stiffness(law, block) if block else (None, None)),
     )
 
 
@@ -116,37 +126,33 @@ def _energy_and_force(law: ElasticLaw) -> Any:
 
     @wp.kernel(module=energy_and_stress.module)
     def energy_and_force(
-        points: Vectors,
-        elements: IntRows,
-        quadrature: Barycentric,
-        lam: Doubles,
-        mu: Doubles,
-        u: Vectors,
-        energy: Doubles,
-        force: Vectors,
+        tets: Tets, lam: Doubles, mu: Doubles, u: Vectors, energy: Doubles, force: Vectors
     ):
         """Elastic energy of every tet; add dW/du, with which nodes resist, to ``force``."""
         t = wp.tid()
-        g, w = weighted_gradients(points, elements, t, quadrature.shape[0])
-        if elements.shape[1] == 4:
-            W, P = energy_and_stress(gradient_p1(g, elements, u, t), w * lam[t], w * mu[t])
+        g, w = weighted_gradients(tets, t)
+        if tets.elements.shape[1] == 4:
+            H = wp.mat33d()
+            for a in range(4):
+                H += wp.outer(u[tets.elements[t, a]], row3(g, a))
+            W, P = energy_and_stress(H, w * lam[t], w * mu[t])
             energy[t] = W
             p = P * row3(g, 1)
             q = P * row3(g, 2)
             r = P * row3(g, 3)
-            wp.atomic_add(force, elements[t, 0], -(p + q + r))
-            wp.atomic_add(force, elements[t, 1], p)
-            wp.atomic_add(force, elements[t, 2], q)
-            wp.atomic_add(force, elements[t, 3], r)
+            wp.atomic_add(force, tets.elements[t, 0], -(p + q + r))
+            wp.atomic_add(force, tets.elements[t, 1], p)
+            wp.atomic_add(force, tets.elements[t, 2], q)
+            wp.atomic_add(force, tets.elements[t, 3], r)
         else:
             total = wp.float64(0.0)
-            for n in range(quadrature.shape[0]):
-                d = gradients_p2(g, quadrature[n])
-                H = gradient_at(d, elements, u, t)
+            for n in range(tets.quadrature.shape[0]):
+                d = gradients_p2(g, tets.quadrature[n])
+                H = gradient_at(d, tets, u, t)
                 W, P = energy_and_stress(H, w * lam[t], w * mu[t])
                 total += W
                 for a in range(10):
-                    wp.atomic_add(force, elements[t, a], P * row10(d, a))
+                    wp.atomic_add(force, tets.elements[t, a], P * row10(d, a))
             energy[t] = total
 
     return energy_and_force
@@ -194,25 +200,29 @@ def _tangent_at(law: ElasticLaw, second_derivative: Any) -> Any:
     return tangent_at
 
 
+def _tangent_at(law: ElasticLaw, second_derivative: Any) -> Any:
+    @wp.kernel(module=law.energy_and_stress.module)
+    def tangent_at(H: Blocks, lam: Doubles, mu: Doubles, out: DoubleRows):
+        """Second derivative by F_ic and F_jd, at 27 i + 9 c + 3 j + d of a row."""
+        t = wp.tid()
+        A = second_derivative(H[t], lam[t], mu[t])
+        for r in range(9):
+            for s in range(9):
+                out[t, 27 * (r % 3) + 9 * (r // 3) + 3 * (s % 3) + s // 3] = A[r, s]
+
+    return tangent_at
+
+
 def _tangent(law: ElasticLaw, second_derivative: Any) -> Any:
     @wp.kernel(module=law.energy_and_stress.module)
-    def tangent(
-        points: Vectors,
-        elements: IntRows,
-        quadrature: Barycentric,
-        lam: Doubles,
-        mu: Doubles,
-        u: Vectors,
-        slots: IntRows,
-        values: Blocks,
-    ):
+    def tangent(tets: Tets, lam: Doubles, mu: Doubles, u: Vectors, slots: IntRows, values: Blocks):
         """Add the blocks of every tet to the tangent stiffness."""
         t = wp.tid()
-        g, w = weighted_gradients(points, elements, t, quadrature.shape[0])
-        size = elements.shape[1]
-        for n in range(quadrature.shape[0]):
-            d = shape_gradients(g, elements, quadrature[n])
-            A = second_derivative(gradient_at(d, elements, u, t), w * lam[t], w * mu[t])
+        g, w = weighted_gradients(tets, t)
+        size = tets.elements.shape[1]
+        for n in range(tets.quadrature.shape[0]):
+            d = shape_gradients(g, tets, tets.quadrature[n])
+            A = second_derivative(gradient_at(d, tets, u, t), w * lam[t], w * mu[t])
             for b in range(size):
                 B = columns_along(A, row10(d, b))
                 for a in range(b + 1):
@@ -224,20 +234,14 @@ def _tangent(law: ElasticLaw, second_derivative: Any) -> Any:
     return tangent
 
 
-def _stiffness_p1(law: ElasticLaw, stiffness_block: Any) -> Any:
+def _stiffness(law: ElasticLaw, stiffness_block: Any) -> tuple[Any, Any]:
+    """Kernels of P1 and P2 tets, by gradients that are not divided by six volumes."""
+
     @wp.kernel(module=law.energy_and_stress.module)
-    def stiffness_p1(
-        points: Vectors,
-        elements: IntRows,
-        lam: Doubles,
-        mu: Doubles,
-        slots: IntRows,
-        values: Blocks,
-    ):
+    def stiffness_p1(tets: Tets, lam: Doubles, mu: Doubles, slots: IntRows, values: Blocks):
         t = wp.tid()
-        g = gradients(points, elements, t)
-        # volume / (6 volume)^2
-        w = wp.float64(1.0) / (wp.float64(6.0) * six_volumes(points, elements, t))
+        g = gradients(tets, t)
+        w = wp.float64(1.0) / (wp.float64(6.0) * six_volumes(tets, t))  # volume / (6 volume)^2
         for a in range(4):
             p = row3(g, a)
             block = stiffness_block(p, p, w * lam[t], w * mu[t])
@@ -247,57 +251,68 @@ def _stiffness_p1(law: ElasticLaw, stiffness_block: Any) -> Any:
                 wp.atomic_add(values, slots[t, 4 * a + b], block)
                 wp.atomic_add(values, slots[t, 4 * b + a], wp.transpose(block))
 
-    return stiffness_p1
-
-
-def _stiffness_p2(law: ElasticLaw, stiffness_block: Any) -> Any:
     @wp.kernel(module=law.energy_and_stress.module)
-    def stiffness_p2(
-        points: Vectors,
-        elements: IntRows,
-        quadrature: Barycentric,
-        lam: Doubles,
-        mu: Doubles,
-        slots: IntRows,
-        values: Blocks,
-    ):
+    def stiffness_p2(tets: Tets, lam: Doubles, mu: Doubles, slots: IntRows, values: Blocks):
         t = wp.tid()
-        g = gradients(points, elements, t)
-        w = wp.float64(1.0) / (wp.float64(24.0) * six_volumes(points, elements, t))
-        for n in range(quadrature.shape[0]):
-            d = gradients_p2(g, quadrature[n])
-            for a in range(elements.shape[1]):
-                p = row10(d, a)
-                for b in range(a, elements.shape[1]):
-                    block = stiffness_block(p, row10(d, b), w * lam[t], w * mu[t])
-                    wp.atomic_add(values, slots[t, 10 * a + b], block)
-                    if b > a:
-                        wp.atomic_add(values, slots[t, 10 * b + a], wp.transpose(block))
+        g = gradients(tets, t)
+        w = wp.float64(1.0) / (wp.float64(24.0) * six_volumes(tets, t))
+        for a in range(10):
+            p = gradients_of(a, g, tets)
+            for b in range(a, 10):
+                q = gradients_of(b, g, tets)
+                block = wp.mat33d()
+                for n in range(4):
+                    block += stiffness_block(row3(p, n), row3(q, n), w * lam[t], w * mu[t])
+                wp.atomic_add(values, slots[t, 10 * a + b], block)
+                if b > a:
+                    wp.atomic_add(values, slots[t, 10 * b + a], wp.transpose(block))
 
-    return stiffness_p2
+    return stiffness_p1, stiffness_p2
 
 
-# Warp kernels of tets with a grain: stress S = C : E of a stiffness tensor of every tet.
+# Kernels of stresses by a stiffness tensor in Mandel's notation: S = C : E.
 #
 # ``finite``: E is Green's strain and P = F S, which leaves turns of any size alone (St Venant and
-# Kirchhoff); else E is the small strain and P = S.
+# Kirchhoff); else E is the small strain and P = S. Viscous stresses are the same of a change of E,
+# from that of the displacement ``along``, or with ``rate`` of its rate sym(F^T grad v), where
+# ``along`` is the velocity v.
 
 vec6d = wp.types.vector(length=6, dtype=wp.float64)
 mat66d = wp.types.matrix(shape=(6, 6), dtype=wp.float64)
 mat63d = wp.types.matrix(shape=(6, 3), dtype=wp.float64)
+Tensors = wp.array(dtype=mat66d)
 HALF_ROOT = wp.constant(wp.float64(0.7071067811865476))
 
 
 @wp.func
-def strain_vector(H: wp.mat33d, finite: bool) -> vec6d:
-    """Strain of the displacement gradient H in Mandel's notation."""
-    A = H + wp.transpose(H)
-    if finite:
-        A += wp.transpose(H) * H
+def stiffness_tensor(tensors: Tensors, lam: Doubles, mu: Doubles, t: int) -> mat66d:
+    """Tensor of a tet; of its Lame parameters where there are no ``tensors``."""
+    C = mat66d()
+    if tensors.shape[0] > 0:
+        C = tensors[t]
+    else:
+        for i in range(6):
+            C[i, i] = wp.float64(2.0) * mu[t]
+        for i in range(3):
+            for j in range(3):
+                C[i, j] = C[i, j] + lam[t]
+    return C
+
+
+@wp.func
+def strain_vector(H: wp.mat33d, G: wp.mat33d, finite: bool, rate: bool) -> vec6d:
+    """Strain of H beyond that of G; with ``rate`` that of H with the velocity's gradient G."""
+    A = H - G
+    if rate:
+        A = G + wp.transpose(H) * G
+    elif finite:
+        A += wp.float64(0.5) * (wp.transpose(H) * A + wp.transpose(A) * G)
     e = vec6d()
     for c in range(3):
-        e[c] = wp.float64(0.5) * A[c, c]
-        e[3 + c] = HALF_ROOT * A[(c + 1) % 3, (c + 2) % 3]
+        a = (c + 1) % 3
+        b = (c + 2) % 3
+        e[c] = A[c, c]
+        e[3 + c] = HALF_ROOT * (A[a, b] + A[b, a])
     return e
 
 
@@ -315,7 +330,7 @@ def tensor_of(s: vec6d) -> wp.mat33d:
 
 @wp.func
 def strain_columns(p: wp.vec3d) -> mat63d:
-    """Strain, in Mandel's notation, of displacements along x, y, z with the shape gradient p."""
+    """Strain of displacements along x, y, z with the shape gradient p."""
     B = mat63d()
     for c in range(3):
         a = (c + 1) % 3
@@ -326,43 +341,58 @@ def strain_columns(p: wp.vec3d) -> mat63d:
     return B
 
 
+@wp.func
+def gradient_where(d: mat103d, tets: Tets, u: Vectors, t: int) -> wp.mat33d:
+    """Gradient of ``u``, which is zero where there is none."""
+    H = wp.mat33d()
+    if u.shape[0] > 0:
+        H = gradient_at(d, tets, u, t)
+    return H
+
+
 @wp.kernel
-def grain_response(
-    points: Vectors,
-    elements: IntRows,
-    quadrature: Barycentric,
-    tensor: wp.array(dtype=mat66d),
+def tensor_response(
+    tets: Tets,
+    lam: Doubles,
+    mu: Doubles,
+    tensors: Tensors,
     finite: bool,
+    scale: wp.float64,
     u: Vectors,
+    along: Vectors,
+    rate: bool,
     energy: Doubles,
     force: Vectors,
 ):
-    """Add E : C : E / 2 of every tet, and P along the shape gradients."""
+    """Add E : C : E / 2 of every tet times ``scale``, and P along the shape gradients."""
     t = wp.tid()
-    g, w = weighted_gradients(points, elements, t, quadrature.shape[0])
-    C = w * tensor[t]
+    g, w = weighted_gradients(tets, t)
+    C = (scale * w) * stiffness_tensor(tensors, lam, mu, t)
     total = wp.float64(0.0)
-    for n in range(quadrature.shape[0]):
-        d = shape_gradients(g, elements, quadrature[n])
-        H = gradient_at(d, elements, u, t)
-        e = strain_vector(H, finite)
+    for n in range(tets.quadrature.shape[0]):
+        d = shape_gradients(g, tets, tets.quadrature[n])
+        H = gradient_at(d, tets, u, t)
+        e = strain_vector(H, gradient_where(d, tets, along, t), finite, rate)
         s = C * e
         P = tensor_of(s)
         if finite:
             P += H * P
         total += wp.float64(0.5) * wp.dot(s, e)
-        for a in range(elements.shape[1]):
-            wp.atomic_add(force, elements[t, a], P * row10(d, a))
+        for a in range(tets.elements.shape[1]):
+            wp.atomic_add(force, tets.elements[t, a], P * row10(d, a))
     energy[t] += total
 
 
 @wp.kernel
-def grain_tangent(
-    points: Vectors,
-    elements: IntRows,
-    quadrature: Barycentric,
-    tensor: wp.array(dtype=mat66d),
+def tensor_tangent(
+    tets: Tets,
+    lam: Doubles,
+    mu: Doubles,
+    tensors: Tensors,
+    finite: bool,
+    scale: wp.float64,
     u: Vectors,
+    along: Vectors,
     projected: bool,
     slots: IntRows,
     values: Blocks,
@@ -372,15 +402,17 @@ def grain_tangent(
     ``projected``: of S its positive part alone, so that no tet has a negative one.
     """
     t = wp.tid()
-    g, w = weighted_gradients(points, elements, t, quadrature.shape[0])
-    C = w * tensor[t]
-    size = elements.shape[1]
+    g, w = weighted_gradients(tets, t)
+    C = (scale * w) * stiffness_tensor(tensors, lam, mu, t)
+    size = tets.elements.shape[1]
     eye = wp.identity(n=3, dtype=wp.float64)
-    for n in range(quadrature.shape[0]):
-        d = shape_gradients(g, elements, quadrature[n])
-        H = gradient_at(d, elements, u, t)
+    for n in range(tets.quadrature.shape[0]):
+        d = shape_gradients(g, tets, tets.quadrature[n])
+        H = gradient_where(d, tets, u, t)
         F = H + eye
-        S = tensor_of(C * strain_vector(H, True))
+        S = wp.mat33d()
+        if finite:
+            S = tensor_of(C * strain_vector(H, gradient_where(d, tets, along, t), True, False))
         if projected:
             S = positive_part(S)
         for b in range(size):
@@ -389,125 +421,4 @@ def grain_tangent(
             for a in range(size):
                 p = row10(d, a)
                 block = F * (wp.transpose(strain_columns(p)) * CB) + wp.dot(p, S * q) * eye
-                wp.atomic_add(values, slots[t, size * a + b], block)
-
-
-@wp.kernel
-def anisotropic_stiffness(
-    points: Vectors,
-    elements: IntRows,
-    quadrature: Barycentric,
-    tensor: wp.array(dtype=mat66d),
-    slots: IntRows,
-    values: Blocks,
-):
-    """Add the tangent of small strains."""
-    t = wp.tid()
-    g, w = weighted_gradients(points, elements, t, quadrature.shape[0])
-    size = elements.shape[1]
-    for n in range(quadrature.shape[0]):
-        d = shape_gradients(g, elements, quadrature[n])
-        for b in range(size):
-            S = (w * tensor[t]) * strain_columns(row10(d, b))
-            for a in range(size):
-                block = wp.transpose(strain_columns(row10(d, a))) * S
-                wp.atomic_add(values, slots[t, size * a + b], block)
-
-
-# Viscous stress P = F S of the change D of Green's strain: S = 2 mu D + lam (tr D) I.
-#
-# ``along`` is the displacement that the strain changed from, or with ``rate`` the velocity: then D
-# is the rate of strain sym(F^T grad v). Neither changes with a turn of the body.
-
-
-@wp.func
-def strain_change(H: wp.mat33d, G: wp.mat33d, rate: bool) -> wp.mat33d:
-    """Green's strain of H less that of G; or its rate at H with the gradient G of the velocity."""
-    D = H - G
-    A = D + wp.float64(0.5) * (wp.transpose(H) * D + wp.transpose(D) * G)
-    if rate:
-        A = G + wp.transpose(H) * G
-    return wp.float64(0.5) * (A + wp.transpose(A))
-
-
-@wp.func
-def viscous_stress(D: wp.mat33d, lam: wp.float64, mu: wp.float64) -> wp.mat33d:
-    return wp.float64(2.0) * mu * D + lam * wp.trace(D) * wp.identity(n=3, dtype=wp.float64)
-
-
-@wp.kernel
-def stress(H: Blocks, G: Blocks, rate: bool, lam: Doubles, mu: Doubles, P: Blocks):
-    i = wp.tid()
-    S = viscous_stress(strain_change(H[i], G[i], rate), lam[i], mu[i])
-    P[i] = S + H[i] * S
-
-
-@wp.kernel
-def energy_and_force(
-    points: Vectors,
-    elements: IntRows,
-    quadrature: Barycentric,
-    lam: Doubles,
-    mu: Doubles,
-    scale: wp.float64,
-    u: Vectors,
-    along: Vectors,
-    rate: bool,
-    energy: Doubles,
-    force: Vectors,
-):
-    """S : D / 2 of every tet, the potential of P in a step; add P along the shape gradients."""
-    t = wp.tid()
-    g, volume = weighted_gradients(points, elements, t, quadrature.shape[0])
-    w = scale * volume
-    total = wp.float64(0.0)
-    for n in range(quadrature.shape[0]):
-        d = shape_gradients(g, elements, quadrature[n])
-        H = gradient_at(d, elements, u, t)
-        D = strain_change(H, gradient_at(d, elements, along, t), rate)
-        S = viscous_stress(D, w * lam[t], w * mu[t])
-        P = S + H * S
-        total += wp.float64(0.5) * wp.ddot(S, D)
-        for a in range(elements.shape[1]):
-            wp.atomic_add(force, elements[t, a], P * row10(d, a))
-    energy[t] = total
-
-
-@wp.kernel
-def tangent(
-    points: Vectors,
-    elements: IntRows,
-    quadrature: Barycentric,
-    lam: Doubles,
-    mu: Doubles,
-    scale: wp.float64,
-    u: Vectors,
-    along: Vectors,
-    projected: bool,
-    slots: IntRows,
-    values: Blocks,
-):
-    """Add (p . S q) I + F C(p, q) F^T of every pair of shape gradients, C of Hooke's law.
-
-    ``projected``: of S its positive part alone, so that no tet has a negative one.
-    """
-    t = wp.tid()
-    g, volume = weighted_gradients(points, elements, t, quadrature.shape[0])
-    w = scale * volume
-    size = elements.shape[1]
-    eye = wp.identity(n=3, dtype=wp.float64)
-    for n in range(quadrature.shape[0]):
-        d = shape_gradients(g, elements, quadrature[n])
-        H = gradient_at(d, elements, u, t)
-        D = strain_change(H, gradient_at(d, elements, along, t), False)
-        S = viscous_stress(D, w * lam[t], w * mu[t])
-        if projected:
-            S = positive_part(S)
-        F = H + eye
-        for b in range(size):
-            q = row10(d, b)
-            for a in range(size):
-                p = row10(d, a)
-                C = stiffness_block(p, q, w * lam[t], w * mu[t])
-                block = wp.dot(p, S * q) * eye + F * C * wp.transpose(F)
                 wp.atomic_add(values, slots[t, size * a + b], block)

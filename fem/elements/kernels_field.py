@@ -5,7 +5,7 @@ from typing import Any
 
 import warp as wp
 
-from ..laws.kernels_tensor import Barycentric, Blocks, Doubles, IntRows, Ints, Vectors
+from ..laws.kernels_tensor import Barycentric, Blocks, Doubles, IntRows, Ints, Tets, Vectors
 
 wp.set_module_options({"enable_backward": False, "max_unroll": 4})
 
@@ -16,36 +16,33 @@ mat103d = wp.types.matrix(shape=(10, 3), dtype=wp.float64)
 
 
 @wp.func
-def gradients(points: Vectors, elements: IntRows, t: int) -> mat43d:
+def gradients(tets: Tets, t: int) -> mat43d:
     """Gradients of the barycentric coordinates, times six volumes."""
-    a = points[elements[t, 0]]
-    x = points[elements[t, 1]] - a
-    y = points[elements[t, 2]] - a
-    z = points[elements[t, 3]] - a
+    a = tets.points[tets.elements[t, 0]]
+    x = tets.points[tets.elements[t, 1]] - a
+    y = tets.points[tets.elements[t, 2]] - a
+    z = tets.points[tets.elements[t, 3]] - a
     gx = wp.cross(y, z)
     gy = wp.cross(z, x)
     gz = wp.cross(x, y)
-    g0 = -(gx + gy + gz)
-    return mat43d(
-        g0[0], g0[1], g0[2], gx[0], gx[1], gx[2], gy[0], gy[1], gy[2], gz[0], gz[1], gz[2]
-    )
+    return wp.matrix_from_rows(-(gx + gy + gz), gx, gy, gz)
 
 
 @wp.func
-def six_volumes(points: Vectors, elements: IntRows, t: int) -> wp.float64:
-    a = points[elements[t, 0]]
-    x = points[elements[t, 1]] - a
-    y = points[elements[t, 2]] - a
-    z = points[elements[t, 3]] - a
+def six_volumes(tets: Tets, t: int) -> wp.float64:
+    a = tets.points[tets.elements[t, 0]]
+    x = tets.points[tets.elements[t, 1]] - a
+    y = tets.points[tets.elements[t, 2]] - a
+    z = tets.points[tets.elements[t, 3]] - a
     return wp.dot(x, wp.cross(y, z))
 
 
 @wp.func
-def weighted_gradients(points: Vectors, elements: IntRows, t: int, count: int):
-    """Gradients of the barycentric coordinates; weight of each of ``count`` points, a volume."""
-    six = six_volumes(points, elements, t)
-    g = gradients(points, elements, t) * (wp.float64(1.0) / six)
-    return g, six / wp.float64(6 * count)
+def weighted_gradients(tets: Tets, t: int):
+    """Gradients of the barycentric coordinates; weight of each quadrature point, a volume."""
+    six = six_volumes(tets, t)
+    g = gradients(tets, t) * (wp.float64(1.0) / six)
+    return g, six / wp.float64(6 * tets.quadrature.shape[0])
 
 
 @wp.func
@@ -56,22 +53,8 @@ def row3(g: mat43d, k: int) -> wp.vec3d:
 @wp.func
 def edge_ends(k: int):
     """Corners of edge k, in the order of VTK's quadratic tetrahedron."""
-    i = 0
-    j = 1
-    if k == 1:
-        i = 1
-        j = 2
-    elif k == 2:
-        j = 2
-    elif k == 3:
-        j = 3
-    elif k == 4:
-        i = 1
-        j = 3
-    elif k == 5:
-        i = 2
-        j = 3
-    return i, j
+    i = wp.where(k == 1 or k == 4, 1, wp.where(k == 5, 2, 0))
+    return i, wp.where(k == 0, 1, wp.where(k < 3, 2, 3))
 
 
 @wp.func
@@ -95,10 +78,10 @@ def row10(g: mat103d, k: int) -> wp.vec3d:
 
 
 @wp.func
-def shape_gradients(g: mat43d, elements: IntRows, q: wp.vec4d) -> mat103d:
+def shape_gradients(g: mat43d, tets: Tets, q: wp.vec4d) -> mat103d:
     """Gradients of the 4 or 10 shape functions; the last six rows are zero for P1."""
     d = mat103d()
-    if elements.shape[1] == 10:
+    if tets.elements.shape[1] == 10:
         d = gradients_p2(g, q)
     else:
         for a in range(4):
@@ -108,10 +91,10 @@ def shape_gradients(g: mat43d, elements: IntRows, q: wp.vec4d) -> mat103d:
 
 
 @wp.func
-def gradient_at(d: mat103d, elements: IntRows, u: Vectors, t: int) -> wp.mat33d:
+def gradient_at(d: mat103d, tets: Tets, u: Vectors, t: int) -> wp.mat33d:
     H = wp.mat33d()
-    for a in range(elements.shape[1]):
-        H += wp.outer(u[elements[t, a]], row10(d, a))
+    for a in range(tets.elements.shape[1]):
+        H += wp.outer(u[tets.elements[t, a]], row10(d, a))
     return H
 
 
@@ -123,11 +106,11 @@ def spreading(kind: Any) -> Any:
     Kind = wp.array(dtype=kind)
 
     @wp.kernel
-    def spread(points: Vectors, elements: IntRows, density: Kind, fraction: Doubles, total: Kind):
+    def spread(tets: Tets, density: Kind, fraction: Doubles, total: Kind):
         t = wp.tid()
-        amount = density[t] * (six_volumes(points, elements, t) / wp.float64(6.0))
-        for a in range(elements.shape[1]):
-            wp.atomic_add(total, elements[t, a], fraction[a] * amount)
+        amount = density[t] * (six_volumes(tets, t) / wp.float64(6.0))
+        for a in range(tets.elements.shape[1]):
+            wp.atomic_add(total, tets.elements[t, a], fraction[a] * amount)
 
     return spread
 
@@ -137,35 +120,29 @@ spread_scalar, spread_vector = spreading(wp.float64), spreading(wp.vec3d)
 
 @wp.kernel
 def displacement_gradient(
-    points: Vectors,
-    elements: IntRows,
-    quadrature: Barycentric,
-    u: Vectors,
-    grad: wp.array2d(dtype=wp.mat33d),  # (tets, quadrature points)
+    tets: Tets, where: Barycentric, u: Vectors, grad: wp.array2d(dtype=wp.mat33d)
 ):
-    """The gradient du_i/dx_j of a P1 or P2 displacement at barycentric points of every tet."""
+    """The gradient du_i/dx_j of a displacement at points ``where`` of every tet, its row."""
     t = wp.tid()
-    g, _w = weighted_gradients(points, elements, t, 1)
-    for q in range(quadrature.shape[0]):
-        grad[t, q] = gradient_at(shape_gradients(g, elements, quadrature[q]), elements, u, t)
+    g, _w = weighted_gradients(tets, t)
+    for q in range(where.shape[0]):
+        grad[t, q] = gradient_at(shape_gradients(g, tets, where[q]), tets, u, t)
 
 
 @wp.kernel
 def geometric_stiffness(
-    points: Vectors,
-    elements: IntRows,
-    quadrature: Barycentric,
-    stress: wp.array2d(dtype=wp.mat33d),  # (tets, quadrature points)
-    slots: IntRows,
-    values: Doubles,
+    tets: Tets, stress: wp.array2d(dtype=wp.mat33d), slots: IntRows, values: Doubles
 ):
-    """Add the integrals of grad N_a . stress grad N_b: the same for every direction."""
+    """Add the integrals of grad N_a . stress grad N_b: the same for every direction.
+
+    The stress has a row for every tet, a column for every quadrature point.
+    """
     t = wp.tid()
-    g, w = weighted_gradients(points, elements, t, quadrature.shape[0])
-    size = elements.shape[1]
-    for q in range(quadrature.shape[0]):
+    g, w = weighted_gradients(tets, t)
+    size = tets.elements.shape[1]
+    for q in range(tets.quadrature.shape[0]):
         s = w * stress[t, q]
-        d = shape_gradients(g, elements, quadrature[q])
+        d = shape_gradients(g, tets, tets.quadrature[q])
         for a in range(size):
             p = s * row10(d, a)
             for b in range(size):
@@ -359,14 +336,7 @@ def element_slots(
 
 
 @wp.kernel
-def add_diagonal(rows: Ints, columns: Ints, blocks: Blocks, values: Blocks):
-    i = wp.tid()
-    s = find_slot(rows, columns, i, i)
-    values[s] = values[s] + blocks[i]
-
-
-@wp.kernel
-def add_diagonal_numbers(rows: Ints, columns: Ints, numbers: Vectors, values: Blocks):
+def add_diagonal(rows: Ints, columns: Ints, numbers: Vectors, values: Blocks):
     i = wp.tid()
     s = find_slot(rows, columns, i, i)
     values[s] = values[s] + wp.diag(numbers[i])

@@ -3,7 +3,7 @@
 
 import warp as wp
 
-from .kernels_tensor import add_mode, add_stretches, mat99d, rotation, twist
+from .kernels_tensor import add_mode, add_stretches, mat99d, twist
 from .law import ElasticLaw
 
 wp.set_module_options({"enable_backward": False, "max_unroll": 4})
@@ -12,7 +12,11 @@ wp.set_module_options({"enable_backward": False, "max_unroll": 4})
 @wp.func
 def energy_and_stress(H: wp.mat33d, lam: wp.float64, mu: wp.float64):
     F = H + wp.identity(n=3, dtype=wp.float64)
-    R = rotation(F)
+    U = wp.mat33d()
+    s = wp.vec3d()
+    V = wp.mat33d()
+    wp.svd3(F, U, s, V)
+    R = U * wp.transpose(V)
     t = wp.ddot(R, F) - wp.float64(3.0)
     D = F - R
     energy = mu * wp.ddot(D, D) + wp.float64(0.5) * lam * t * t

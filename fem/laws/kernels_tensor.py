@@ -20,6 +20,17 @@ Vectors = wp.array(dtype=wp.vec3d)
 Blocks = wp.array(dtype=wp.mat33d)
 # Barycentric coordinates of the points of a quadrature.
 Barycentric = wp.array(dtype=wp.vec4d)
+
+
+@wp.struct
+class Tets:
+    """Tets of a space: positions of nodes [m], node ids, points of equal weights in every tet."""
+
+    points: Vectors
+    elements: IntRows
+    quadrature: Barycentric
+
+
 # Second derivative of a density by F: entry (3 c + i, 3 d + j) is that by F_ic and F_jd.
 mat99d = wp.types.matrix(shape=(9, 9), dtype=wp.float64)
 vec9d = wp.types.vector(length=9, dtype=wp.float64)
@@ -70,16 +81,6 @@ def positive_part(S: wp.mat33d) -> wp.mat33d:
     for i in range(3):
         kept[i] = wp.max(e[i], wp.float64(0.0))
     return Q * wp.diag(kept) * wp.transpose(Q)
-
-
-@wp.func
-def rotation(F: wp.mat33d) -> wp.mat33d:
-    """Rotation of the polar decomposition."""
-    U = wp.mat33d()
-    s = wp.vec3d()
-    V = wp.mat33d()
-    wp.svd3(F, U, s, V)
-    return U * wp.transpose(V)
 
 
 @wp.func

@@ -13,6 +13,7 @@ from .kernels_tensor import (
     Blocks,
     Doubles,
     IntRows,
+    Tets,
     Vectors,
     add_mode,
     add_stretches,
@@ -140,15 +141,7 @@ def add_pair(values: Blocks, slots: IntRows, t: int, a: int, b: int, block: wp.m
 
 
 @wp.kernel
-def tangent_p1(
-    points: Vectors,
-    elements: IntRows,
-    lam: Doubles,
-    mu: Doubles,
-    u: Vectors,
-    slots: IntRows,
-    values: Blocks,
-):
+def tangent_p1(tets: Tets, lam: Doubles, mu: Doubles, u: Vectors, slots: IntRows, values: Blocks):
     """Exact tangent of P1 tets, from edges X and doubled face areas P at rest, x and p deformed.
 
     With k = lam' (J - 1) - mu, C = cof F and shape gradients p, q, a block of the tangent is
@@ -156,13 +149,16 @@ def tangent_p1(
     edge.
     """
     t = wp.tid()
-    i = elements[t, 0]
-    X = points[elements[t, 1]] - points[i]
-    Y = points[elements[t, 2]] - points[i]
-    Z = points[elements[t, 3]] - points[i]
-    x = X + (u[elements[t, 1]] - u[i])
-    y = Y + (u[elements[t, 2]] - u[i])
-    z = Z + (u[elements[t, 3]] - u[i])
+    a = tets.elements[t, 0]
+    b = tets.elements[t, 1]
+    c = tets.elements[t, 2]
+    d = tets.elements[t, 3]
+    X = tets.points[b] - tets.points[a]
+    Y = tets.points[c] - tets.points[a]
+    Z = tets.points[d] - tets.points[a]
+    x = X + (u[b] - u[a])
+    y = Y + (u[c] - u[a])
+    z = Z + (u[d] - u[a])
     P = wp.cross(Y, Z)
     Q = wp.cross(Z, X)
     R = wp.cross(X, Y)

@@ -40,19 +40,19 @@ class CholeskyFactor:
         self.plan = plan
         # By numpy: what is never written costs nothing, and large pages hold it.
         numbers = wp.array(np.zeros(plan.entries), dtype=wp.float64, device="cpu", copy=False)
-        inputs = [matrix.rows, matrix.columns, matrix.values, plan.position, plan.owner]
-        inputs += [plan.first, plan.start, plan.rows, plan.panel, numbers]
+        fronts = plan.fronts
+        inputs = [matrix.rows, matrix.columns, matrix.values, plan.position, fronts, numbers]
         wp.launch(k.place_matrix, matrix.nodes, inputs=inputs, device="cpu")
         self._numbers = numbers  # the panels are views of it
         # Offsets of the diagonal of the factor
-        first = 3 * plan.first.numpy()
-        width, panel = np.diff(first), plan.panel.numpy()[:-1]
+        first = 3 * fronts.first.numpy()
+        width, panel = np.diff(first), fronts.panel.numpy()[:-1]
         along = np.arange(first[-1]) - np.repeat(first[:-1], width)
         self._diagonal = np.repeat(panel, width) + along * np.repeat(width + 1, width)
         self._before = numbers.numpy()[self._diagonal]
         # Of every supernode: square and lower part, columns from ... to, rows; of scalars
-        start, ends, views = plan.start.numpy(), plan.panel.numpy(), numbers.numpy()
-        below = (3 * plan.rows.numpy()[:, None] + np.arange(3)).ravel()
+        start, ends, views = fronts.start.numpy(), fronts.panel.numpy(), numbers.numpy()
+        below = (3 * fronts.below.numpy()[:, None] + np.arange(3)).ravel()
         self._panels: list[tuple[Any, Any, int, int, Any]] = []
         for t, k_ in enumerate(width):
             low, high, middle = 3 * start[t], 3 * start[t + 1], ends[t] + k_ * k_
@@ -61,10 +61,8 @@ class CholeskyFactor:
             own = int(first[t]), int(first[t + 1])
             self._panels.append((square, lower, *own, below[low:high]))
         stack = wp.empty(plan.stack, dtype=wp.float64, device="cpu")
-        inputs = [0, plan.first, plan.start, plan.local, plan.child_start, plan.children]
-        inputs += [plan.panel, plan.update, stack, numbers]
-        gather = Recorder(1, "cpu")(k.extend_add, inputs)
-        updates, place = stack.numpy(), plan.update.numpy()
+        gather = Recorder(1, "cpu")(k.extend_add, [0, fronts, stack, numbers])
+        updates, place = stack.numpy(), fronts.update.numpy()
         for t, (square, lower, *_) in enumerate(self._panels):
             gather.set_param_at_index(0, t)
             gather.launch()
@@ -158,13 +156,14 @@ class Elimination:
     """Order and fronts of a pattern, in blocks of one node; device arrays of warp on the CPU.
 
     order, position: Node that is eliminated k-th, and its inverse, shape (nodes,).
-    owner, first: Supernode of every position (nodes,), and where each begins (supernodes + 1).
-    start, rows: Positions below the columns of every supernode, ascending: ``rows[start[t]:start[t
-        + 1]]``.
-    local: Place of each of ``rows`` in the front of the parent.
-    parent, child_start, children: Tree of the supernodes; roots have the parent -1.
-    panel, update: Where the columns of every supernode begin in the factor (supernodes + 1), and
-        what is left to its parent in the stack of updates.
+    fronts: Of the supernodes, as kernels take them.
+        owner, first: Supernode of every position (nodes,), and where each begins (supernodes + 1).
+        start, below: Positions below the columns of every supernode, ascending, and where they
+            begin (supernodes + 1).
+        local: Place of each of ``below`` in the front of the parent.
+        child_start, children: Tree of the supernodes.
+        panel, update: Where the columns of every supernode begin in the factor (supernodes + 1),
+            and what is left to its parent in the stack of updates.
     stack, entries: Length of that stack; numbers in the factor. Beyond 2^31 of either ``panel`` and
         ``update``, int32, are void, and no factor can be made.
     operations: Multiplications and additions of the factorisation.
@@ -172,16 +171,7 @@ class Elimination:
 
     order: Any
     position: Any
-    owner: Any
-    first: Any
-    start: Any
-    rows: Any
-    local: Any
-    parent: np.ndarray
-    child_start: Any
-    children: Any
-    panel: Any
-    update: Any
+    fronts: Any
     stack: int
     entries: int
     operations: float
@@ -251,50 +241,47 @@ def plan_elimination(
     """
     from . import kernels_cholesky as k
 
-    pattern = [_ints(a.numpy()) for a in (matrix.rows, matrix.columns)]
-    count = len(matrix.rows) - 1
+    graph, fronts, count = k.Graph(), k.Fronts(), len(matrix.rows) - 1
+    graph.rows, graph.columns = (_ints(a.numpy()) for a in (matrix.rows, matrix.columns))
     if edges is None or not len(edges):
-        order = dissect(*(a.numpy() for a in pattern))
+        order = dissect(graph.rows.numpy(), graph.columns.numpy())
     else:
         order = dissect_edges(edges, count)
     none = np.full(count, -1)
-    order, position = _ints(order), _ints(np.argsort(order))
+    graph.order, graph.position = _ints(order), _ints(np.argsort(order))
     parent, place = _ints(none), _ints(none)
-    _walk(k.elimination_tree, *pattern, order, position, _ints(none), parent)
+    _walk(k.elimination_tree, graph, _ints(none), parent)
     _walk(k.postorder, parent, _ints(none + 2), _ints(np.zeros(count + 1)), place)
     place, up = place.numpy(), parent.numpy()
-    order = _ints(order.numpy()[np.argsort(place)])
-    position = _ints(np.argsort(order.numpy()))
+    order = order[np.argsort(place)]
+    graph.order, graph.position = _ints(order), _ints(np.argsort(order))
     tree = none.copy()
     tree[place] = np.where(up >= 0, place[up], -1)
     counts = _ints(none + 2)
-    _walk(k.column_counts, *pattern, order, position, _ints(tree), _ints(none), counts)
+    _walk(k.column_counts, graph, _ints(tree), _ints(none), counts)
     first = join_supernodes(tree, counts.numpy())
     supernodes = len(first) - 1
     owner = np.repeat(np.arange(supernodes), np.diff(first))
     above = tree[first[1:] - 1]
     parent = np.where(above >= 0, owner[above], -1)
-    walk = [*pattern, order, position, _ints(owner), _ints(parent)]
+    fronts.owner, fronts.first, up = _ints(owner), _ints(first), _ints(parent)
     mark, heights = np.full(supernodes, -1), _ints(np.zeros(supernodes))
-    _walk(k.front_rows, *walk, _ints(mark), heights, _ints([]))
+    _walk(k.front_rows, graph, fronts.owner, up, _ints(mark), heights, _ints([]))
     start = np.concatenate([[0], np.cumsum(heights.numpy())])
-    rows = _ints(np.zeros(start[-1]))
-    _walk(k.front_rows, *walk, _ints(mark), _ints(start[:-1]), rows)
-    local = _ints(np.zeros(start[-1]))
-    inputs = [_ints(first), _ints(start), rows, _ints(parent), local]
-    start_warp().launch(k.locate_in_parent, supernodes, inputs=inputs, device="cpu")
+    fronts.start, below = _ints(start), _ints(np.zeros(start[-1]))
+    _walk(k.front_rows, graph, fronts.owner, up, _ints(mark), _ints(start[:-1]), below)
+    fronts.below, fronts.local = below, _ints(np.zeros(start[-1]))
+    start_warp().launch(k.locate_in_parent, supernodes, inputs=[fronts, up], device="cpu")
     k_, r_ = 3 * np.diff(first).astype(np.int64), 3 * np.diff(start).astype(np.int64)
     panel = np.concatenate([[0], np.cumsum(k_ * (k_ + r_))])
     has = parent >= 0
     child_start = np.concatenate([[0], np.cumsum(np.bincount(parent[has], minlength=supernodes))])
-    children = np.flatnonzero(has)[np.argsort(parent[has], kind="stable")]
+    fronts.child_start = _ints(child_start)
+    fronts.children = _ints(np.flatnonzero(has)[np.argsort(parent[has], kind="stable")])
     update, stack = _stack(parent, r_)
+    fronts.panel, fronts.update = _ints(panel), _ints(update)
     operations = float((k_**3 / 3 + k_**2 * r_ + k_.astype(float) * r_**2).sum())
-    return Elimination(
-        order, position, _ints(owner), _ints(first), _ints(start), rows, local, parent,
-        _ints(child_start), _ints(children), _ints(panel), _ints(update), stack, int(panel[-1]),
-        operations,
-    )  # fmt: skip
+    return Elimination(graph.order, graph.position, fronts, stack, int(panel[-1]), operations)
 
 
 def join_supernodes(

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from ..device import Recent, Recorder, start_warp
+from ..device import Recent, Recorder, Replay, start_warp
 from ..elements.assembly import BlockMatrix
 
 # Threads of a block: inner products are summed within one before they meet in memory.
@@ -198,11 +198,11 @@ class ConjugateGradients:
         from . import kernels_krylov as k
 
         wp = start_warp()
-        self.preconditioner, self.device = preconditioner, r.device
+        self.matrix, self.preconditioner = matrix, preconditioner
         self.scalars = wp.zeros(8, dtype=wp.float64, device=r.device)
         self.state = wp.zeros(3, dtype=wp.int32, device=r.device)
         self.x, self.p, q = (wp.zeros_like(r) for _ in range(3))
-        self.graph, self.sliced, self.target = None, None, 0.0
+        self.replay, self.sliced, self.target = Replay(self._loop, r.device), None, 0.0
         launch = Recorder(matrix.nodes, r.device)
         self.direction = launch(k.cg_direction, [z, self.scalars, self.p])
         self.open = launch(k.cg_open, [0.0, 0, self.scalars, self.state], size=1)
@@ -249,19 +249,11 @@ class ConjugateGradients:
 
     def start(self, target: float, limit: int) -> None:
         """The same without a wait for the device: what needs ``x`` may be launched at once."""
-        wp = start_warp()
         self.target = target
         self.open.set_param_at_index(0, target**2)
         self.open.set_param_at_index(1, limit)
         self.open.launch()
-        if self.sliced is None:
-            self._loop()
-            return
-        if self.graph is None:
-            with wp.ScopedCapture(device=self.device) as capture:
-                self._loop()
-            self.graph = capture.graph
-        wp.capture_launch(self.graph)
+        self.replay()
 
     def finish(self) -> int:
         """Wait for what was started; return the iterations."""
@@ -394,7 +386,7 @@ class LargestEigenvalue:
         from . import kernels_krylov as k
 
         wp, device = start_warp(), matrix.values.device
-        self.steps, self.device = min(LANCZOS_STEPS, 3 * matrix.nodes), device
+        self.steps = min(LANCZOS_STEPS, 3 * matrix.nodes)
         v, old, w = (wp.zeros(matrix.nodes, dtype=wp.vec3d, device=device) for _ in range(3))
         # Entry k of `along` is v A v of step k, of `square` the squared length of w before it.
         count = self.steps + 1
@@ -406,19 +398,11 @@ class LargestEigenvalue:
         self.multiply = matrix.product(v, w)
         self.residual = launch(k.lanczos_residual, [v, old, self.along, self.square, 0, w])
         self.length, self.curvature = Inner(w, w, self.square, 0), Inner(w, v, self.along, 0)
-        self.vectors, self.graph = (v, old, w), None
+        self.vectors, self.replay = (v, old, w), Replay(self._iterate, device)
 
     def __call__(self) -> float:
         """Return the eigenvalue."""
-        wp = start_warp()
-        if not self.device.is_cuda:
-            self._iterate()
-        else:
-            if self.graph is None:
-                with wp.ScopedCapture(device=self.device) as capture:
-                    self._iterate()
-                self.graph = capture.graph
-            wp.capture_launch(self.graph)
+        self.replay()
         along, square = self.sums.numpy().reshape(2, -1)
         off = np.sqrt(square[1 : self.steps])
         # A vector that vanished ended the search: what came after it is no number.

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float, Int
 
-from ..device import Recent, Recorder, start_warp
+from ..device import Recent, Recorder, Replay, start_warp
 from ..elements.assembly import BlockMatrix, Pattern, apply_supports, free_components
 from ..errors import ConvergenceError
 from .cholesky import CholeskyFactor, planned_elimination
@@ -562,20 +562,13 @@ class Inversion:
         self.matrix = wp.zeros((size, size), dtype=wp.float64, device=device)
         self.row = wp.empty((PIVOT, size), dtype=wp.float64, device=device)
         self.column = wp.empty((size, PIVOT), dtype=wp.float64, device=device)
-        self.graph = None
+        self.sweep = Replay(self._sweep, self.matrix.device)
 
     def __call__(self, matrix: Any) -> Any:
         """Invert ``matrix`` in place."""
         wp = start_warp()
         wp.copy(self.matrix, matrix)
-        if not matrix.device.is_cuda:
-            self._sweep()
-        else:
-            if self.graph is None:
-                with wp.ScopedCapture(device=self.matrix.device) as capture:
-                    self._sweep()
-                self.graph = capture.graph
-            wp.capture_launch(self.graph)
+        self.sweep()
         wp.copy(matrix, self.matrix)
         return matrix
 

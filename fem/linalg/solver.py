@@ -51,7 +51,7 @@ class Solution(NamedTuple):
 
     ``floor`` is the relative residual that round-off alone leaves, ``change`` what one more
     correction of such an x adds to it, as a share; ``suspect`` says that the matrix looks singular;
-    ``solver`` names what found it, and what was tried before in vain.
+    ``solver`` names what found it, and what was tried before in vain; ``cycle`` is that of CG.
     """
 
     x: np.ndarray
@@ -61,6 +61,7 @@ class Solution(NamedTuple):
     suspect: bool = False
     change: float = 0.0
     solver: str = ""
+    cycle: Inverse | None = None
 
     def reached(self, tolerance: float) -> bool:
         """Whether x is as good as wanted, or as fp64 allows and still known well enough."""
@@ -82,6 +83,7 @@ def solve_system(
     ``points`` (nodes, 3) [m] and ``fixed`` (nodes, 3) describe the nodes to the coarse space,
     ``edges`` (nodes - corners, 2) those of a P2 space to the elimination and the coarse level.
     """
+    failed = Solution(np.full_like(b, np.nan), np.inf, 0, 0.0, True)
     if b.size <= DIRECT:
         return solve_direct(matrix, b, planned_elimination(matrix, edges), tolerance)
     patience = MAX_ITERATIONS
@@ -93,13 +95,13 @@ def solve_system(
                 return solve_direct(matrix, b, plan, tolerance)
     system = cached_system(matrix) or scale(matrix)
     if np.isnan(system.largest):  # a diagonal block is not positive
-        return Solution(np.full_like(b, np.nan), np.inf, 0, 0.0, True)
+        return failed
     options = {"tolerance": tolerance, "limit": min(patience, MAX_ITERATIONS)}
     options |= {"points": points, "fixed": fixed, "edges": _level_edges(matrix, edges)}
     try:
         solution = solve_iterative(system, b, **options)
     except NotPositive:
-        return Solution(np.full_like(b, np.nan), np.inf, 0, 0.0, True)
+        return failed
     if solution.reached(tolerance):
         return solution
     plan = planned_elimination(matrix, edges)
@@ -197,7 +199,8 @@ def solve_iterative(
     error, iterations = norm(rest), cg.finish()
     x = size * solution.numpy()
     if error <= tolerance:
-        return Solution(x, error, iterations, 0.0, solver=name)
+        kept = None if cycle.device.is_cuda else _cycle_inverse(system, cycle)
+        return Solution(x, error, iterations, 0.0, solver=name, cycle=kept)
     weight = (abs(system.matrix.to_scipy()) @ np.abs(cg.x.numpy()).reshape(-1)).reshape(-1, 3)
     total = np.einsum("nij,nj->ni", np.abs(system.lower.numpy()), weight)
     floor = 64 * np.finfo(float).eps * float(np.linalg.norm(total))
@@ -238,6 +241,54 @@ def rough_inverse(
         return size * load.numpy()
 
     return solve
+
+
+class Inverse(NamedTuple):
+    """Product ``times`` with a matrix, and ``near`` its inverse; both of vectors (nodes, 3)."""
+
+    times: Callable[[np.ndarray], np.ndarray]
+    near: Callable[[np.ndarray], np.ndarray]
+
+
+def _cycle_inverse(system: Scaled, cycle: TwoLevel) -> Inverse:
+    """One V-cycle, and the matrix that ``system`` was made of, on the CPU."""
+    from . import kernels_krylov as k
+
+    wp, nodes, A = start_warp(), system.matrix.nodes, system.matrix
+    launch = Recorder(nodes, cycle.device)
+    x, y = (wp.zeros(nodes, dtype=wp.vec3d, device="cpu") for _ in range(2))
+    into = launch(k.block_multiply, [system.inverse, x, False, cycle.r])
+    out = launch(k.block_multiply, [system.inverse, cycle.z, True, y])
+    scaled = launch(k.block_multiply, [system.lower, x, True, cycle.r])
+    product = A.product(cycle.r, cycle.z)
+    back = launch(k.block_multiply, [system.lower, cycle.z, False, y])
+
+    def run(b: np.ndarray, *work: Callable[[], None]) -> np.ndarray:
+        x.assign(b)
+        for each in work:
+            each()
+        return y.numpy().copy()
+
+    return Inverse(
+        lambda b: run(b, scaled.launch, product.launch, back.launch),
+        lambda b: run(b, into.launch, cycle.apply, out.launch),
+    )
+
+
+def rough_factor(
+    matrix: BlockMatrix, *, points: np.ndarray, fixed: np.ndarray, edges: np.ndarray | None
+) -> Inverse:
+    """One V-cycle for a ``matrix``, which stays; the factor of a small one.
+
+    The rest is as in ``solve_system``.
+    """
+    matrix = matrix.to("cpu")
+    if 3 * matrix.nodes <= DIRECT:
+        plan = planned_elimination(matrix, edges)
+        return Inverse(matrix.times, cached_factor(matrix, plan).solve)
+    system = scale(BlockMatrix(matrix.rows, matrix.columns, start_warp().clone(matrix.values)))
+    cycle = TwoLevel(system, points, fixed, edges=_level_edges(matrix, edges))
+    return _cycle_inverse(system, cycle)
 
 
 # What solved the last system on a GPU, if any: graphs of launches on arrays that the next one of
@@ -301,15 +352,6 @@ class FactorCycle:
         self.z.numpy()[:] = self.factor.solve(self.r.numpy())
 
 
-class _Kept(NamedTuple):
-    """What is expensive: scaling and preconditioner of ``system``, CG of the ``current`` matrix."""
-
-    system: Scaled
-    current: BlockMatrix
-    cg: ConjugateGradients
-    r: Any
-
-
 class RepeatedSolver:
     """Solves A x = b to the accuracy that Newton needs, keeping what is expensive.
 
@@ -320,7 +362,8 @@ class RepeatedSolver:
 
     def __init__(self, points: np.ndarray, fixed: np.ndarray) -> None:
         self.points, self.fixed = points, fixed
-        self._kept: _Kept | None = None
+        # What is expensive: scaling and preconditioner of a system, CG of the matrix of now
+        self._kept: tuple[Scaled, ConjugateGradients] | None = None
         self._usual = 0
         self.factors = False
 
@@ -331,10 +374,12 @@ class RepeatedSolver:
         """
         size = length(b)
         target = float(np.clip(0.3 * goal / max(size, 1e-300), TIGHTEST, LOOSEST) * size)
-        if self._kept is not None and self._kept.current.columns is not matrix.columns:
-            self._kept = _around(matrix, self._kept.system, self._kept.cg.preconditioner)
         if self._kept is not None:
-            x, iterations = self._iterate(self._kept, matrix, b, target, self._usual + STALE)
+            system, cg = self._kept
+            if cg.matrix.columns is not matrix.columns:
+                cg = _around(matrix, system, cg.preconditioner)
+                self._kept = system, cg
+            x, iterations = self._iterate(system, cg, matrix, b, target, self._usual + STALE)
             if x is not None:
                 return x
             self._kept = None
@@ -354,8 +399,8 @@ class RepeatedSolver:
                 cycle = two or FactorCycle(system)
             except NotPositive:
                 break
-            self._kept = _around(matrix, system, cycle)
-            x, self._usual = self._iterate(self._kept, matrix, b, target, limit)
+            self._kept = system, _around(matrix, system, cycle)
+            x, self._usual = self._iterate(*self._kept, matrix, b, target, limit)
             if x is not None:
                 return x
             if self._usual == 0 or worth > LIMIT:
@@ -365,16 +410,20 @@ class RepeatedSolver:
 
     @staticmethod
     def _iterate(
-        kept: _Kept, matrix: BlockMatrix, b: Any, target: float, limit: int
+        system: Scaled,
+        cg: ConjugateGradients,
+        matrix: BlockMatrix,
+        b: Any,
+        target: float,
+        limit: int,
     ) -> tuple[Any, int]:
         from . import kernels_krylov as k
 
-        wp = start_warp()
-        system, current, cg, r = kept
+        wp, r = start_warp(), cg.preconditioner.r
         launch = Recorder(matrix.nodes, r.device)
-        wp.copy(current.values, matrix.values)
+        wp.copy(cg.matrix.values, matrix.values)
         pattern = [matrix.rows, matrix.columns]
-        launch(k.scale_blocks, [*pattern, system.inverse, current.values]).launch()
+        launch(k.scale_blocks, [*pattern, system.inverse, cg.matrix.values]).launch()
         size = length(b) or 1.0  # the V-cycle may be in single precision, whose range is small
         if isinstance(b, DeviceVector):
             b.write(r, 1 / size)
@@ -404,12 +453,10 @@ def _factor_worth(matrix: BlockMatrix) -> int:
     return min(iterations_worth(plan, matrix), LIMIT) if plan.entries <= MOST_ENTRIES else LIMIT + 1
 
 
-def _around(matrix: BlockMatrix, system: Scaled, cycle: Any) -> _Kept:
+def _around(matrix: BlockMatrix, system: Scaled, cycle: Any) -> ConjugateGradients:
     """CG with the preconditioner ``cycle`` of ``system`` for matrices of the pattern of ``matrix``.
 
     It has a matrix of its own, whose values are those of every new system in turn.
     """
-    wp = start_warp()
-    current = BlockMatrix(matrix.rows, matrix.columns, wp.empty_like(matrix.values))
-    cg = ConjugateGradients(current, system.lower, cycle, cycle.r, cycle.z)
-    return _Kept(system, current, cg, cycle.r)
+    current = BlockMatrix(matrix.rows, matrix.columns, start_warp().empty_like(matrix.values))
+    return ConjugateGradients(current, system.lower, cycle, cycle.r, cycle.z)

@@ -2,7 +2,8 @@
 """Warp kernels on the nodes of the grid, of rigid bodies, and of the survey of the particles."""
 
 from functools import cache
-from typing import Any, NamedTuple
+from types import SimpleNamespace
+from typing import Any
 
 import warp as wp
 
@@ -17,24 +18,15 @@ from .materials import Form, MaterialClass
 FIXED_FRACTION = 0.1
 
 
-class GridKernels(NamedTuple):
-    """Kernels on nodes.
+@cache
+def grid_kernels(real: Any) -> SimpleNamespace:
+    """Kernels on nodes, in ``real`` numbers.
 
     ``clear`` (nodes, grid); ``advance`` (nodes, grid, second, gravity, clock) makes velocities of
     momenta, ``second`` the grid of another thread or one of no nodes; ``wall`` (nodes, normals,
     velocities, mode, friction, touching, slot, grid, impulse, kick) corrects them; ``hold`` (nodes,
     still, slot, grid, impulse) stops nodes with a fraction of stationary mass.
     """
-
-    clear: Any
-    advance: Any
-    wall: Any
-    hold: Any
-
-
-@cache
-def grid_kernels(real: Any) -> GridKernels:
-    """Kernels in ``real`` numbers."""
     vec3, vec4 = types_of(real).vec3, types_of(real).vec4
     most = wp.constant(real(FIXED_FRACTION / (1 - FIXED_FRACTION)))
 
@@ -117,26 +109,17 @@ def grid_kernels(real: Any) -> GridKernels:
             grid[nodes[i]] = vec4(real(0.0), real(0.0), real(0.0), q[3])
             wp.atomic_add(impulse, slot, -q[3] * vec3(q[0], q[1], q[2]))
 
-    return GridKernels(clear, advance, wall, hold)
+    return SimpleNamespace(clear=clear, advance=advance, wall=wall, hold=hold)
 
 
-class RigidKernels(NamedTuple):
-    """Kernels of rigid bodies.
+@cache
+def rigid_kernels(real: Any) -> SimpleNamespace:
+    """Kernels of bodies that take the momentum and the angular momentum of their nodes.
 
     ``gather`` (first, cloud, frame, grid, kick, bodies) sums momenta and what walls kicked,
     ``settle`` (bodies, clock, rest) makes velocities of them and moves the bodies, ``carry``
     (first, cloud, bodies) moves their particles. ``Bodies`` is their struct.
     """
-
-    gather: Any
-    settle: Any
-    carry: Any
-    Bodies: Any
-
-
-@cache
-def rigid_kernels(real: Any) -> RigidKernels:
-    """Kernels of bodies that take the momentum and the angular momentum of their nodes."""
     types = types_of(real)
     Cloud, Frame, vec3, vec4 = types.Cloud, types.Frame, types.vec3, types.vec4
     mat33 = types.mat33
@@ -256,7 +239,7 @@ def rigid_kernels(real: Any) -> RigidKernels:
         cloud.C[p] = wp.skew(w)
         cloud.H[p] = R - wp.identity(n=3, dtype=real)
 
-    return RigidKernels(sum_momenta, settle, carry, Bodies)
+    return SimpleNamespace(gather=sum_momenta, settle=settle, carry=carry, Bodies=Bodies)
 
 
 # Entries of the survey.

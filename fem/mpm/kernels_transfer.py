@@ -69,21 +69,11 @@ def types_of(real: Any) -> Types:
     return Types(real, vec3, vec4, mat33, Cloud, Frame)
 
 
-class StretchFunctions(NamedTuple):
-    """Functions of warp on 3 x 3 tensors of one precision."""
-
-    eigen: Any
-    symmetric: Any
-    root: Any
-    positive: Any
-    hencky: Any
-    exponential: Any
-
-
 @cache
-def stretch_functions(real: Any) -> StretchFunctions:
+def stretch_functions(real: Any) -> tuple[Any, ...]:
     """Eigenvectors, roots, logarithms and exponentials of tensors of ``real`` numbers.
 
+    Functions of warp: (eigen, symmetric, root, positive, hencky, exponential).
     Displacement gradients H = F - I go in, so that small strains keep their digits in single
     precision. ``wp.svd3`` loses half of its digits and takes three times as long.
     """
@@ -201,7 +191,7 @@ def stretch_functions(real: Any) -> StretchFunctions:
             out = symmetric(V, d)
         return out
 
-    return StretchFunctions(eigen, symmetric, root, positive, hencky, exponential)
+    return eigen, symmetric, root, positive, hencky, exponential
 
 
 @cache
@@ -395,18 +385,12 @@ def class_laws(real: Any) -> dict[tuple[MaterialClass, Form], Any]:
     return by_form | {(kind, Form.PLAIN): law for kind, law in others.items()}
 
 
-class TransferFunctions(NamedTuple):
-    """Functions of warp: place in the grid, whether its 27 nodes are there, to and from them."""
-
-    place: Any
-    inside: Any
-    spread: Any
-    gather: Any
-
-
 @cache
-def transfer_functions(real: Any) -> TransferFunctions:
-    """Quadratic B-splines on the 27 nodes around a particle."""
+def transfer_functions(real: Any) -> tuple[Any, Any, Any, Any]:
+    """Quadratic B-splines on the 27 nodes around a particle, as functions of warp.
+
+    Its place in the grid, whether its 27 nodes are there, to them and from them.
+    """
     types = types_of(real)
     vec3, vec4, mat33, Frame = types.vec3, types.vec4, types.mat33, types.Frame
 
@@ -497,7 +481,7 @@ def transfer_functions(real: Any) -> TransferFunctions:
         C = mat33(b0[0], b1[0], b2[0], b0[1], b1[1], b2[1], b0[2], b1[2], b2[2])
         return v, C
 
-    return TransferFunctions(place, inside, spread, gather)
+    return place, inside, spread, gather
 
 
 @cache
@@ -600,22 +584,3 @@ def push_kernel(real: Any) -> Any:
         cloud.v[p] = cloud.v[p] + clock[0] * cloud.push[p]
 
     return push
-
-
-@cache
-def jelly_energy_kernel() -> Any:
-    """Kernel (H, lam, mu, energies): elastic energy per volume at rest [J/m^3] of jelly."""
-    energy_and_stress = neo_hookean.energy_and_stress
-
-    @wp.kernel(module="unique", enable_backward=False)
-    def density(
-        H: wp.array(dtype=wp.mat33d),
-        lam: wp.array(dtype=wp.float64),
-        mu: wp.array(dtype=wp.float64),
-        energy: wp.array(dtype=wp.float64),
-    ):
-        p = wp.tid()
-        W, _stress = energy_and_stress(H[p], lam[p], mu[p])
-        energy[p] = W
-
-    return density

@@ -6,22 +6,31 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-from jaxtyping import Float
 
-from ..errors import UsageError
+from ..errors import InputError, UsageError
 from ..laws.law import Law
 from ..mesh import material_of
 from ..note import Note
 from ..scene.scene import Scene
 from ..solve.method import FrameProgress
-from ..solve.result import Motion, MotionResult, ParticleRun
+from ..solve.result import Breakage, Motion, MotionResult, ParticleRun
 from ..validation import checked_count, checked_number, checked_positive
-from .boundaries import BackgroundGrid, Wall, scene_room, support_boundaries
+from .boundaries import Wall, scene_room, support_boundaries
 from .materials import MaterialClass, Substance
-from .particles import Followers, Particles, ParticleState, particle_forces, sample_tets
-from .rigid import Stiff, Treatment, bending_regions, near_fixed, treated, treatment_notes
+from .particles import (
+    TORN,
+    Followers,
+    Particles,
+    ParticleState,
+    crack_band,
+    particle_forces,
+    pieces_of,
+    sample_tets,
+    stress_left,
+)
+from .rigid import Stiff, Treatment, near_fixed, treated
 from .solver import MpmSolver
-from .time_step import BUDGET, COURANT, MpmError, stable_step
+from .time_step import BUDGET, COURANT, MpmError, largest_modulus, stable_step
 
 # CPU time [s] of a particle and substep, by class, and of a substep without any, on one core
 # (`benchmarks/mpm.py`).
@@ -101,7 +110,9 @@ class MpmMethod:
         ------
         UsageError
             Where an ``order`` is asked for, which is for elements, a ``law`` that jelly here does
-            not have, or a substance of a part that there is not.
+            not have, a substance of a part that there is not, or plates close on a rigid body.
+        InputError
+            Where an obstacle starts in the body.
         MpmError
             Where the run fails.
         """
@@ -113,7 +124,9 @@ class MpmMethod:
         checked_count("grid", self.grid)
         checked_number("damping", self.damping, "1/s", least=0.0)
         scale = scene.longest / (self.metres or scene.longest)
-        run = self._run(scene.similar(scale), device)
+        run = _Run(self, scene.similar(scale), device)
+        if run.solver is not None and self.announce is not None:
+            self.announce(run.plan)
         motions = [run.motion(0.0)]
         for frame in range(1, frames + 1):
             if run.solver is not None and not run.solver.advance(dt):
@@ -123,78 +136,6 @@ class MpmMethod:
             if progress is not None:
                 progress(frame, frames)
         return MotionResult(tuple(motions), dt, len(motions[0].u), 0, particles=run.record())
-
-    def _run(self, scene: Scene, device: str) -> _Run:
-        """Particles of the body, what becomes of stiff ones, boundaries, and the solver."""
-        mesh, material = scene.mesh, material_of(scene.mesh)
-        spacing = scene.longest / self.grid
-        room = scene_room(scene, spacing)  # or the grid is refused, before anything is made for it
-        step = self.step or 1 / self.budget
-        bends = bending_regions(scene, self.substances, spacing, step=step, courant=self.courant)
-        sample = sample_tets(mesh, spacing, bends=bends)
-
-        unknown = sorted(set(self.substances) - set(mesh.region_names))
-        if unknown:
-            raise UsageError(
-                "method.part", unknown=unknown[0], region_names=", ".join(mesh.region_names)
-            )
-        region = mesh.region[sample.tet].astype(np.int64)
-        jelly = Substance(corotated=self.corotated)
-        velocity = np.asarray(scene.velocity, dtype=float)
-        if velocity.ndim == 2:
-            velocity = velocity[mesh.tets[sample.tet]].mean(axis=1)
-        particles = Particles(
-            x=sample.x, volume=sample.volume, E=material.E[sample.tet],
-            nu=material.nu[sample.tet], rho=material.rho[sample.tet], part=region,
-            parts=mesh.region_names, substance=region.copy(),
-            substances=tuple(self.substances.get(name, jelly) for name in mesh.region_names),
-            velocity=np.broadcast_to(velocity, sample.x.shape).copy(),
-            rigid=np.full(len(region), -1, dtype=np.int64),
-        )  # fmt: skip
-        if self.step is None:
-            treatment = treated(
-                particles, spacing, stiff=self.stiff,
-                held=near_fixed(mesh.points, scene.held, particles.x, spacing),
-                budget=self.budget, gravity=float(np.linalg.norm(scene.gravity_vector)) or 9.81,
-            )  # fmt: skip
-        else:  # with a step of its own it stays as it is, and may fail
-            treatment = Treatment(particles=particles)
-        particles = treatment.particles
-
-        notes = self.notes
-        if self.metres is not None:
-            notes += (Note("method.moved_if", metres=self.metres, longest=scene.longest),)
-        notes += treatment_notes(treatment, sample.thin)
-        force = particle_forces(scene, particles.x)
-        if particles.held.all():
-            return _Run(scene, treatment, room, None, force, notes)
-        walls = [Wall(shape=obstacle, friction=scene.friction) for obstacle in scene.obstacles]
-        if scene.ground is not None:
-            walls.append(Wall(shape=scene.ground))
-        walls += support_boundaries(mesh, scene.held, spacing, scene.duration)
-        # Whether it is jelly alone, held, and meets nothing: weights at rest forget nothing then
-        moving = particles.kinds[~particles.held] == MaterialClass.JELLY
-        tears = any(s.tears for s in particles.substances)
-        solver = MpmSolver(
-            particles,
-            room,
-            walls=walls,
-            gravity_vector=scene.gravity_vector,
-            damping=self.damping,
-            lagrangian=bool(
-                moving.all() and not tears and not scene.obstacles and scene.held.fixed.any()
-            ),
-            device=device,
-            threads=self.threads,
-            courant=self.courant,
-            step=self.step,
-        )
-        if force.any():
-            solver.push(force / particles.mass[:, None])
-        run = _Run(scene, treatment, room, solver, force, notes)
-        if self.announce is not None:
-            self.announce(run.plan)
-        return run
 
 
 METHOD = MpmMethod()
@@ -214,43 +155,107 @@ class _Run:
     take, in words.
     """
 
-    def __init__(
-        self,
-        scene: Scene,
-        treatment: Treatment,
-        room: BackgroundGrid,
-        solver: MpmSolver | None,
-        force: Float[np.ndarray, "particles 3"],
-        notes: tuple[str, ...],
-    ) -> None:
-        self.scene, self.treatment, self.room = scene, treatment, room
-        self.solver, self.notes, self.time = solver, notes, 0.0
+    def __init__(self, method: MpmMethod, scene: Scene, device: str) -> None:
+        """Particles of the body, what becomes of stiff ones, boundaries, and the solver."""
+        mesh, material = scene.mesh, material_of(scene.mesh)
+        names, held = mesh.region_names, scene.held
+        gravity = np.asarray(scene.gravity_vector, dtype=float)
+        room = scene_room(scene, method.grid)  # or it is refused, before anything is made for it
+        spacing = room.spacing
+        unknown = sorted(set(method.substances) - set(names))
+        if unknown:
+            raise UsageError("method.part", unknown=unknown[0], region_names=", ".join(names))
+        jelly = Substance(corotated=method.corotated)
+        substances = tuple(method.substances.get(name, jelly) for name in names)
+        # Jelly that bends, with its weights at rest: finer particles help it where it is thin
+        most = largest_modulus(
+            material.nu, material.rho, spacing, method.step or 1 / method.budget,
+            courant=method.courant,
+        )  # fmt: skip
+        bends = np.array([s.kind == MaterialClass.JELLY and not s.tears for s in substances])
+        bends &= np.isin(np.arange(len(names)), mesh.region[material.E <= most])
+        bends &= bool(held.fixed.any()) and not scene.obstacles
+        sample = sample_tets(mesh, spacing, bends=bends)
+        region = mesh.region[sample.tet].astype(np.int64)
+        velocity = np.asarray(scene.velocity, dtype=float)
+        if velocity.ndim == 2:
+            velocity = velocity[mesh.tets[sample.tet]].mean(axis=1)
+        particles = Particles(
+            x=sample.x, volume=sample.volume, E=material.E[sample.tet],
+            nu=material.nu[sample.tet], rho=material.rho[sample.tet], part=region,
+            parts=names, substance=region.copy(), substances=substances,
+            velocity=np.broadcast_to(velocity, sample.x.shape).copy(),
+            rigid=np.full(len(region), -1, dtype=np.int64),
+        )  # fmt: skip
+        treatment = Treatment(particles=particles)
+        if method.step is None:  # with a step of its own it stays as it is, and may fail
+            treatment = treated(
+                particles, spacing, stiff=method.stiff,
+                held=near_fixed(mesh.points, held, particles.x, spacing),
+                budget=method.budget, gravity=float(np.linalg.norm(gravity)) or 9.81,
+            )  # fmt: skip
         particles = treatment.particles
-        labels = np.zeros(len(scene.mesh.points), dtype=np.int64)
-        labels[scene.mesh.tets.ravel()] = np.repeat(scene.mesh.region, 4)
-        self.followers = Followers.of(
-            scene.mesh.points, particles.x, labels=labels, parts=particles.part
-        )
-        weight = particles.mass[:, None] * np.asarray(scene.gravity_vector, dtype=float)
-        self.load = weight + force
+
+        notes = [*method.notes, *treatment.notes]
+        if method.metres is not None:
+            notes.append(Note("method.moved_if", metres=method.metres, longest=scene.longest))
+        bending = np.unique(particles.part[particles.kinds != MaterialClass.STATIONARY])
+        if thin := [names[i] for i in bending if names[i] in sample.thin]:
+            notes.append(Note("rigid.less_about", names=", ".join(thin)))
+        if particles.held.all():
+            notes.append(Note("rigid.everything_stationary"))
+        force = particle_forces(scene, particles.x)
+        self.scene, self.treatment, self.room = scene, treatment, room
+        self.solver, self.notes, self.time = None, tuple(notes), 0.0
+        if not particles.held.all():
+            for number, obstacle in enumerate(scene.obstacles, 1):
+                if not obstacle.distance(particles.x[~particles.held]).gap.min() > 0:
+                    raise InputError("method.body_starts", number=number)
+            walls = [Wall(shape=obstacle, friction=scene.friction) for obstacle in scene.obstacles]
+            if treatment.rigid and sum(wall.moves for wall in walls) > 1:
+                stiff = {particles.parts[i] for i in particles.part[particles.rigid >= 0]}
+                raise UsageError("method.rigid_squeezed", parts=", ".join(sorted(stiff)))
+            walls += [] if scene.ground is None else [Wall(shape=scene.ground)]
+            walls += support_boundaries(mesh, held, particles.x, spacing, scene.duration)
+            # Whether it is jelly alone, held, and meets nothing: weights at rest forget nothing
+            moving = particles.kinds[~particles.held] == MaterialClass.JELLY
+            still = moving.all() and not scene.obstacles and held.fixed.any()
+            self.solver = MpmSolver(
+                particles,
+                room,
+                walls=walls,
+                gravity_vector=gravity,
+                damping=method.damping,
+                lagrangian=bool(still and not any(s.tears for s in particles.substances)),
+                device=device,
+                threads=method.threads,
+                courant=method.courant,
+                step=method.step,
+            )
+            if force.any():
+                self.solver.push(force / particles.mass[:, None])
+
+        labels = np.zeros(len(mesh.points), dtype=np.int64)
+        labels[mesh.tets.ravel()] = np.repeat(mesh.region, 4)
+        self.followers = Followers.of(mesh.points, particles.x, labels=labels, parts=particles.part)
+        self.load = particles.mass[:, None] * gravity + force
         self.positions: list[np.ndarray] = []
         self.gradients: list[np.ndarray] = []
         dt = np.inf  # nothing moves
-        if solver is not None:
+        if self.solver is not None:
             fastest = float(np.linalg.norm(particles.velocity, axis=1).max())
-            dt = solver.step or stable_step(
-                float(particles.wave_speed.max()), fastest, room.spacing,
-                pull=solver.substep.pull, courant=solver.courant,
+            dt = method.step or stable_step(
+                float(particles.wave_speed.max()), fastest, spacing,
+                pull=self.solver.substep.pull, courant=method.courant,
             )  # fmt: skip
         steps = max(scene.duration / dt, 1.0)
         each = np.array([COSTS.get(MaterialClass(int(k)), COST) for k in particles.kinds])
-        seconds = steps * (OVERHEAD + float(each[~particles.held].sum()))
         self.plan = Note(
             "method.particles_grid",
             count=len(particles.x),
             shape="x".join(map(str, room.shape)),
             steps=steps,
-            seconds=seconds,
+            seconds=steps * (OVERHEAD + float(each[~particles.held].sum())),
         )
 
     def motion(self, time: float) -> Motion:
@@ -289,6 +294,34 @@ class _Run:
             iterations=0,
         )
 
+    def breakage(self) -> Breakage:
+        """What tore until now."""
+        particles, spacing = self.treatment.particles, self.room.spacing
+        x, volume = particles.x, particles.volume
+        able = np.array([s.tears for s in particles.substances])[particles.substance]
+        able &= particles.kinds == MaterialClass.JELLY
+        torn, spends = np.zeros(len(x), dtype=bool), 1.0
+        if self.solver is not None and able.any():
+            _, softening, _ = particles.numbers(spacing).T
+            q = self.solver.state.q
+            torn = able & (stress_left(q, softening) < TORN)
+            for i in np.unique(particles.substance[able]):
+                one, rows = particles.substances[i], able & (particles.substance == i)
+                if one.tension and one.fracture_energy:
+                    band = crack_band(one.tension, one.fracture_energy, particles.E[rows], spacing)
+                    spends = max(spends, float(band.spends.max()))
+        judged, lost = float(volume[able].sum()), float(volume[torn].sum())
+        place = volume[torn] @ x[torn] / lost if lost else np.full(3, np.nan)
+        return Breakage(
+            judged=judged / float(volume.sum()),
+            fraction=lost / judged if judged else 0.0,
+            parts=tuple(particles.parts[i] for i in np.unique(particles.part[torn])),
+            place=(float(place[0]), float(place[1]), float(place[2])),
+            pieces=pieces_of(x[~torn], volume[~torn], spacing),
+            pieces_before=pieces_of(x, volume, spacing),
+            crack_energy=spends,
+        )
+
     def record(self) -> ParticleRun:
         """What is kept of the particles themselves."""
         solver, treatment, notes = self.solver, self.treatment, self.notes
@@ -309,6 +342,7 @@ class _Run:
             plan=self.plan,
             notes=notes,
             laws=tuple(sorted({one.law for one in particles.substances})),
+            breakage=self.breakage(),
             part=particles.part,
             positions=np.stack(self.positions),
             gradients=np.stack(self.gradients),

@@ -2,23 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from enum import StrEnum
 from typing import Any
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float
 
 from ..device import start_warp
-from ..mesh import material_of
 from ..note import Note
-from ..scene.scene import Scene
 from ..scene.supports import Supports
 from .kernels_grid import rigid_kernels
 from .materials import MaterialClass, Substance
-from .particles import ALONG, Particles
-from .time_step import BUDGET, COURANT, largest_modulus
+from .particles import ALONG, REACH, Particles, rigid_labels
+from .time_step import BUDGET, largest_modulus
 
 # Share of the mass of an inner node: 0.5 at a plane surface, 0.17 half a spacing away from it.
 TOUCHING = 0.2
@@ -26,38 +23,7 @@ TOUCHING = 0.2
 # they stand still themselves: a flat cube is left .001 to .003, a slope of so much is none.
 REST = 0.02
 # What changes with time.
-CHANGING = ("centre", "rotation", "velocity", "spin")
-
-
-def rigid_labels(x: Float[np.ndarray, "n 3"], reach: float) -> Int[np.ndarray, "n"]:
-    """Number of the body of every place: those within ``reach`` of each other are one.
-
-    Parameters
-    ----------
-    x
-        Places [m], shape (n, 3).
-    reach
-        How far apart neighbours may be [m].
-
-    Returns
-    -------
-    array
-        Numbers of bodies from 0, shape (n,).
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from autophyx_tet.fem import rigid_labels
-    >>> rigid_labels(np.array([[0.0, 0, 0], [0.9, 0, 0], [5.0, 0, 0]]), reach=1.0).tolist()
-    [0, 0, 1]
-    """
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-    from scipy.spatial import KDTree
-
-    pairs = KDTree(x).query_pairs(reach, output_type="ndarray").T
-    graph = coo_array((np.ones(pairs.shape[1], dtype=np.int8), tuple(pairs)), shape=(len(x),) * 2)
-    return connected_components(graph, directed=False)[1].astype(np.int64)
+BODIES_CHANGING = ("centre", "rotation", "velocity", "spin")
 
 
 def merged_inside(particles: Particles, spacing: float) -> Particles:
@@ -153,7 +119,6 @@ class RigidBodies:
         struct.inertia = wp.array(inertia, dtype=mat33, device=device)
         eyes = np.broadcast_to(np.eye(3), (count, 3, 3)).copy()
         struct.rotation = wp.array(eyes, dtype=mat33, device=device)
-        self._kept: dict[str, Any] = {}
 
     def take_push(self) -> Float[np.ndarray, "3"]:
         """Momentum [N s] that walls gave beyond what their nodes say, since asked last."""
@@ -161,21 +126,9 @@ class RigidBodies:
         self.struct.extra.zero_()
         return extra
 
-    def keep(self) -> None:
-        """Remember the state."""
-        for name in CHANGING:
-            self._kept[name] = start_warp().clone(getattr(self.struct, name))
-
-    def restore(self) -> None:
-        """Go back to what was remembered."""
-        for name, array in self._kept.items():
-            start_warp().copy(getattr(self.struct, name), array)
-
 
 # Matter too stiff for explicit steps: stationary, rigid or softened, and counted.
 
-# Particles this close, in spacings of the grid, are of one rigid body: two to a cell and axis.
-REACH = 0.9
 # A softened part sags by less than this share of its size: nobody sees the difference.
 INVISIBLE = 1e-3
 
@@ -269,26 +222,6 @@ def treated(
     )
 
 
-def bending_regions(
-    scene: Scene,
-    substances: Mapping[str, Substance],
-    spacing: float,
-    *,
-    step: float,
-    courant: float = COURANT,
-) -> Bool[np.ndarray, "regions"]:
-    """Which regions are jelly that bends under steps of ``step`` [s], at their weights at rest.
-
-    ``spacing`` [m] is that of the grid; ``substances`` are classes by name, jelly where none is.
-    """
-    mesh, material = scene.mesh, material_of(scene.mesh)
-    classes = [substances.get(name, Substance()) for name in mesh.region_names]
-    jelly = np.array([s.kind == MaterialClass.JELLY and not s.tears for s in classes])
-    most = largest_modulus(material.nu, material.rho, spacing, step, courant=courant)
-    soft = np.isin(np.arange(len(classes)), mesh.region[material.E <= most])
-    return jelly & soft & (bool(scene.held.fixed.any()) and not scene.obstacles)
-
-
 def near_fixed(
     points: Float[np.ndarray, "points 3"],
     supports: Supports,
@@ -300,15 +233,3 @@ def near_fixed(
 
     fixed = points[supports.fixed.any(axis=1)]
     return KDTree(fixed).query(x)[0] < spacing if len(fixed) else np.zeros(len(x), dtype=bool)
-
-
-def treatment_notes(found: Treatment, thin: tuple[str, ...]) -> tuple[str, ...]:
-    """What to know of a treatment, and of the parts that are too ``thin`` for the grid to bend."""
-    particles, notes = found.particles, list(found.notes)
-    bending = np.unique(particles.part[particles.kinds != MaterialClass.STATIONARY])
-    names = [name for name in thin if name in {particles.parts[i] for i in bending}]
-    if names:
-        notes.append(Note("rigid.less_about", names=", ".join(names)))
-    if particles.held.all():
-        notes.append(Note("rigid.everything_stationary"))
-    return tuple(notes)

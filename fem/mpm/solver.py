@@ -14,10 +14,12 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from ..device import checked_device, start_warp
+from ..elements.elastic import energy_and_piola
 from ..errors import InputError
-from ..material import lame_parameters
+from ..laws.law import Law
+from ..material import LameParameters, lame_parameters
 from ..note import Note
-from .boundaries import BackgroundGrid, Wall, fixed_nodes
+from .boundaries import BackgroundGrid, Wall
 from .kernels_grid import (
     COUNT,
     INVERTED,
@@ -30,16 +32,10 @@ from .kernels_grid import (
     grid_kernels,
     survey_kernel,
 )
-from .kernels_transfer import (
-    jelly_energy_kernel,
-    move_kernel,
-    push_kernel,
-    scatter_kernel,
-    types_of,
-)
+from .kernels_transfer import move_kernel, push_kernel, scatter_kernel, types_of
 from .materials import GAMMA, Form, MaterialClass
 from .particles import Particles, ParticleState, without_cracks
-from .rigid import REST, RigidBodies
+from .rigid import BODIES_CHANGING, REST, RigidBodies
 from .time_step import COURANT, Failure, FailureKind, largest_modulus, stable_step
 
 # Substeps between two looks at the particles.
@@ -190,14 +186,15 @@ class MpmSolver:
             if self.lagrangian:
                 substep.run(steps)
             else:
-                bodies = [cloud] if substep.rigid is None else [cloud, substep.rigid]
-                for body in bodies:
-                    body.keep()
+                arrays = [getattr(cloud.struct, name) for name in CHANGING]
+                if substep.rigid is not None:
+                    arrays += [getattr(substep.rigid.struct, name) for name in BODIES_CHANGING]
+                before = [start_warp().clone(array) for array in arrays]
                 substep.run(steps)
                 after = cloud.survey()
                 if not after[MOVED] <= 1.0:  # nodes were missed: once more, in fewer steps
-                    for body in bodies:
-                        body.restore()
+                    for array, kept in zip(arrays, before, strict=True):
+                        start_warp().copy(array, kept)
                     if steps == 1 and after[NOT_FINITE]:
                         self._fail("not finite", Note("solver.values_overflowed"))
                     elif steps == 1:
@@ -253,14 +250,7 @@ def elastic_density(
     if kind == MaterialClass.STATIONARY:
         return np.zeros(len(H))
     if kind == MaterialClass.JELLY and form != Form.COROTATED:
-        wp = start_warp()
-        arrays = [wp.array(np.ascontiguousarray(H), dtype=wp.mat33d, device="cpu")]
-        arrays += [
-            wp.array(np.ascontiguousarray(m), dtype=wp.float64, device="cpu") for m in (lam, mu)
-        ]
-        energy = wp.empty(len(H), dtype=wp.float64, device="cpu")
-        wp.launch(jelly_energy_kernel(), len(H), [*arrays, energy], device="cpu")
-        return energy.numpy()
+        return energy_and_piola(Law.NEO_HOOKEAN, H, LameParameters(lam, mu))[0]
     F = H + np.eye(3)
     J = np.linalg.det(F)
     if kind == MaterialClass.FLUID:
@@ -309,7 +299,17 @@ class Substep:
             self.rigid = RigidBodies(cloud.particles, grid.spacing, cloud.real, self.device)
         size = grid.count if self.rigid is not None else 0
         self._kick = wp.zeros(size, dtype=types.vec4, device=self.device)
-        self._still, self._still_mass = fixed_nodes(fixed, grid)
+        mass = np.zeros(grid.count)  # of what stands still, by the same weights
+        if fixed is not None:
+            still, real = Cloud(fixed, grid, self.device), types.real
+            spread = scatter_kernel(
+                MaterialClass.STATIONARY, real, lagrangian=False, form=Form.PLAIN
+            )
+            inputs = [0, still.struct, still.frame, self._clock, self._grids[0]]
+            wp.launch(spread, len(still), inputs, device=self.device)
+            mass = self._grids[0].numpy()[:, 3]
+        self._still = np.flatnonzero(mass)
+        self._still_mass = mass[self._still]
         self._stages: list[Stage] = []
         self._graph: Any = None
 
@@ -532,7 +532,6 @@ class Cloud:
         self.frame = frame
         self.listed = wp.clone(self.struct.x)
         self._survey = wp.zeros(COUNT, dtype=self.real, device=device)
-        self._kept: dict[str, Any] = {}
 
     def __len__(self) -> int:
         return len(self.order)
@@ -580,20 +579,6 @@ class Cloud:
         ordered, vec3 = np.ascontiguousarray(values[self.order]), self.types.vec3
         self.struct.push = start_warp().array(ordered, dtype=vec3, device=self.device)
         self.strongest_push = float(np.linalg.norm(self.struct.push.numpy(), axis=1).max(initial=0))
-
-    def keep(self) -> None:
-        """Remember the state."""
-        wp = start_warp()
-        for name in CHANGING:
-            array = getattr(self.struct, name)
-            if name not in self._kept:
-                self._kept[name] = wp.empty_like(array)
-            wp.copy(self._kept[name], array)
-
-    def restore(self) -> None:
-        """Go back to what was remembered."""
-        for name, array in self._kept.items():
-            start_warp().copy(getattr(self.struct, name), array)
 
     def survey(self) -> Float[np.ndarray, "entries"]:
         """Look over the particles: see the entries of ``kernels_grid``."""

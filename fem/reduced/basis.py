@@ -18,14 +18,14 @@ from ..elements.assembly import (
     linear_stiffness,
     node_supports,
 )
-from ..elements.elastic import ElasticBody
-from ..elements.forces import load_vector, lumped_mass
+from ..elements.elastic import ElasticBody, displacement_gradients
+from ..elements.forces import load_vector, lumped_mass, weighing_mass
 from ..elements.space import Space, element_points, extend_linear, make_space
 from ..errors import ConvergenceError, InputError
 from ..laws.law import Law
 from ..linalg.cholesky import CholeskyFactor, cached_factor, planned_elimination
 from ..linalg.solver import MOST_ENTRIES, solve_system
-from ..mesh import TetMesh, material_of
+from ..mesh import TetMesh, material_of, tet_area_vectors
 from ..note import Note
 from ..scene.loads import Traction
 from ..scene.supports import Supports
@@ -36,13 +36,7 @@ from ..solve.result import MOTION_LIMIT, Modes, too_coarse
 from ..solve.statics import check_held
 from ..validation import checked_count
 from .cubature import CELLS, drawn_cells, with_cells
-from .elasticity import (
-    ReducedElasticity,
-    basis_gradients,
-    hat_gradients,
-    held_rest,
-    lowest_frequency,
-)
+from .elasticity import ReducedElasticity, held_rest, lowest_frequency
 from .model import Accuracy, ReducedModel, Subspace
 
 # What a body's coordinates should move: vibrations, responses to weight, and how both bend on.
@@ -87,6 +81,11 @@ class LinearBody(NamedTuple):
     def is_free(self) -> bool:
         """Whether nothing holds it."""
         return not (self.held.fixed.any() or self.held.springs.any())
+
+    def weight(self, gravity_vector: Sequence[float] | np.ndarray) -> np.ndarray:
+        """Forces [N] of ``gravity_vector`` (3,) [m/s^2] on the nodes, (nodes, 3)."""
+        mass = weighing_mass(self.mesh, self.grid, self.held)
+        return mass[:, None] * np.asarray(gravity_vector, dtype=float)
 
     @property
     def size(self) -> float:
@@ -180,7 +179,7 @@ def unit_responses(
 
     Displacements over the root of the mass [1/sqrt(kg)].
     """
-    loads = [body.mass[:, None] * axis for axis in np.eye(3)]
+    loads = [body.weight(axis) for axis in np.eye(3)]
     if forces is not None and np.any(forces):
         loads.append(forces)
     responses = body.compliance(np.stack(loads))
@@ -208,7 +207,8 @@ def principal_fields(
     root = np.sqrt(mass).repeat(int(np.prod(shape[1:])))[:, None]
     B, A = (root * f.reshape(len(root), -1) for f in (beside, fields))
     U, sizes, _ = np.linalg.svd(A - B @ (B.T @ A), full_matrices=False)
-    U = U[:, : min(most, int((sizes > DEPENDENT * sizes[0]).sum()))]  # the others are round-off
+    some = int((sizes > DEPENDENT * sizes.max(initial=0.0)).sum())  # the others are round-off
+    U = U[:, : min(most, some)]
     return np.where(root > 0, U / np.where(root > 0, root, 1), 0.0).reshape(*shape, -1)
 
 
@@ -296,11 +296,7 @@ def skinned_basis(
     functions: Float[np.ndarray, "nodes functions"],
 ) -> Float[np.ndarray, "nodes 3 dofs"]:
     """The same functions along x, y and z, axis by axis."""
-    nodes, count = functions.shape
-    basis = np.zeros((nodes, 3, 3, count))
-    for axis in range(3):
-        basis[:, axis, axis] = functions
-    return basis.reshape(nodes, 3, 3 * count)
+    return np.einsum("ij,na->nija", np.eye(3), functions).reshape(len(functions), 3, -1)
 
 
 def laplacian_weights(
@@ -314,8 +310,8 @@ def laplacian_weights(
     from scipy.sparse import coo_array, diags_array
     from scipy.sparse.linalg import eigsh
 
-    hats, E = hat_gradients(mesh), material_of(mesh).E
-    local = np.einsum("tai,tbi->tab", hats, hats) * (mesh.volumes * E)[:, None, None]
+    E, faces = material_of(mesh).E, tet_area_vectors(mesh.points, mesh.tets)
+    local = np.einsum("ait,bit->tab", faces, faces) * (E / (9 * mesh.volumes))[:, None, None]
     rows, columns = np.repeat(mesh.tets, 4, axis=1).ravel(), np.tile(mesh.tets, (1, 4)).ravel()
     size = len(mesh.points)
     L = coo_array((local.ravel(), (rows, columns)), shape=(size, size)).tocsc()
@@ -469,7 +465,7 @@ def reduce_body(
     used, stiffening = motion_elements(mesh, supports, order, most=MOST_UNKNOWNS)
     body = linear_body(mesh, supports, order=used)
     dead = load_vector(mesh, body.grid, traction=traction, forces=forces)
-    acting = body.mass[:, None] * np.asarray(gravity_vector, dtype=float) + dead
+    acting = body.weight(gravity_vector) + dead
     if kind is Subspace.SKINNING:
         functions = _modal_functions(body, checked_count("handles", handles), dead, acting)
         whole = whole_model(body, skinned_basis(functions), Subspace.SKINNING)
@@ -486,22 +482,8 @@ def reduce_body(
             far = principal_fields(swung, kept, body.mass, swung.shape[2])
             basis = orthonormal_fields(np.concatenate([kept, far], axis=2), body.mass)
             whole = whole_model(body, basis, Subspace.VECTOR)
-    stiffening = 1.0 if used == 2 else stiffening
-    return on_few_cells(whole, acting, most_cells, stiffening=stiffening, seed=seed)
-
-
-def on_few_cells(
-    whole: ReducedModel,
-    acting: Float[np.ndarray, "nodes 3"],
-    most_cells: int,
-    *,
-    stiffening: float,
-    seed: int = 0,
-) -> ReducedModel:
-    """The model with its ``stiffening``, on cells accepted by the forces ``acting`` [N]; 0: all."""
-    whole = replace(whole, accuracy=whole.accuracy._replace(stiffening=stiffening))
-    if not most_cells:
-        return whole
+    accuracy = whole.accuracy._replace(stiffening=1.0 if used == 2 else stiffening)
+    whole = replace(whole, accuracy=accuracy)
     return with_cells(whole, whole.pull_back(acting), most_cells, seed=seed)
 
 
@@ -512,7 +494,8 @@ def whole_model(
     mesh, space, material = body.mesh, body.space, material_of(body.mesh)
     count = len(element_points(space.order))
     cells = np.repeat(np.arange(len(mesh.tets)), count)
-    flat = basis.reshape(-1, basis.shape[2])
+    flat, fields = basis.reshape(-1, basis.shape[2]), np.moveaxis(basis, 2, 0)
+    slopes = [displacement_gradients(body.grid, u, element_points(space.order)) for u in fields]
     model = ReducedModel(
         points=space.nodes,
         edges=space.edges,
@@ -522,7 +505,7 @@ def whole_model(
         kind=kind,
         cells=cells,
         weights=mesh.volumes[cells] / count,
-        gradients=basis_gradients(mesh, space, basis),
+        gradients=np.stack(slopes, axis=-1).reshape(-1, 3, 3, len(slopes)),
         E=material.E[cells],
         nu=material.nu[cells],
         region=mesh.region[cells].astype(np.int64),
@@ -542,9 +525,10 @@ def measured(
 
     Both under their own weight, with the same elements and the neo-Hookean law.
     """
-    forces = model.mass[:, None] * np.asarray(gravity_vector, dtype=float)
+    mass = weighing_mass(mesh, discretise(mesh, model.order), supports)
+    forces = mass[:, None] * np.asarray(gravity_vector, dtype=float)
     full = solve_nonlinear(mesh, supports, forces=forces, order=model.order).node_displacement
-    rest = held_rest(ReducedElasticity(model), model.weight(gravity_vector))
+    rest = held_rest(ReducedElasticity(model), model.pull_back(forces))
     error = np.inf if rest is None else relative_error(model, model.displacement(rest), full)
     return replace(model, accuracy=model.accuracy._replace(sag=error))
 

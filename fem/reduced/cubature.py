@@ -60,12 +60,14 @@ class Cubature(NamedTuple):
 def with_cells(
     whole: ReducedModel, load: Float[np.ndarray, "dofs"], most: int, *, seed: int = 0
 ) -> ReducedModel:
-    """Model of at most ``most`` cells, as few as bring frequency and sag within ``ACCEPTED``.
+    """Model of at most ``most`` cells (0: all), as few as keep frequency and sag to ``ACCEPTED``.
 
     The sag is that under ``load``, forces on the coordinates [N/sqrt(kg)]; the forces of the
     snapshots are within ``RESIDUAL``. Where no count is enough, the one with the most cells is
     returned; its ``accuracy`` tells.
     """
+    if not most:
+        return whole
     elasticity = ReducedElasticity(whole)
     stiffness = elasticity.tangent(np.zeros(whole.dofs))
     few, kept = ReducedElasticity(drawn_cells(whole, seed)), KeptInverse()

@@ -15,11 +15,9 @@ import numpy as np
 from jaxtyping import Float
 
 from ..device import Recorder, start_warp
-from ..elements.space import EDGES, Space, element_points
 from ..errors import ConvergenceError
 from ..laws.law import LAWS, Law
 from ..linalg.krylov import length
-from ..mesh import TetMesh
 from ..solve.nonlinear import Minimum, Point, minimise
 from .model import ReducedModel, Subspace
 
@@ -159,29 +157,6 @@ class SkinnedGradients:
         K[_L, :, _K] = blocks.swapaxes(1, 2)
         K[_K, :, _L] = blocks
         return K.reshape(3 * count, 3 * count)
-
-
-def hat_gradients(mesh: TetMesh) -> Float[np.ndarray, "tets 4 3"]:
-    """Gradients [1/m] of the four linear shape functions of every tet."""
-    corners = mesh.points[mesh.tets]
-    edges = np.swapaxes(corners[:, 1:] - corners[:, :1], 1, 2)
-    inner = np.linalg.inv(edges)
-    return np.concatenate([-inner.sum(axis=1, keepdims=True), inner], axis=1)
-
-
-def basis_gradients(
-    mesh: TetMesh, space: Space, basis: Float[np.ndarray, "nodes 3 dofs"]
-) -> Float[np.ndarray, "cells 3 3 dofs"]:
-    """Gradients d U_a,i / d x_j of ``basis`` at the quadrature points, tet by tet."""
-    slopes = hat_gradients(mesh)[:, None]  # of the shape functions: (tets, points, nodes, j)
-    if space.order == 2:
-        (a, b), where, hats = EDGES.T, element_points(space.order), slopes
-        corners = (4 * where - 1)[..., None] * hats
-        left, right = where[:, a, None] * hats[..., b, :], where[:, b, None] * hats[..., a, :]
-        slopes = np.concatenate([corners, 4 * (left + right)], axis=2)
-    slopes = np.swapaxes(slopes, 2, 3)  # (tets, points, j, nodes)
-    nodal = basis[space.elements].swapaxes(1, 2)  # (tets, i, nodes, dofs)
-    return (slopes[:, :, None] @ nodal[:, None]).reshape(-1, 3, 3, basis.shape[2])
 
 
 # Newton's method on the coordinates, and the rest of a reduced body under a dead load.

@@ -12,13 +12,13 @@ from ..laws.law import Law
 from ..note import Note
 from ..scene.scene import Scene
 from ..solve.method import FrameProgress, halving_notes
-from ..solve.result import MOTION_LIMIT, ModelError, MotionResult, locking_fraction
+from ..solve.result import MOTION_LIMIT, MotionResult, locking_fraction
 from ..solve.schemes import Scheme
 from ..validation import checked_count, checked_positive
 from .basis import CELLS, HANDLES, accuracy_warnings, reduce_body
 from .elasticity import reduced_frequencies
 from .model import ReducedModel, Subspace
-from .motion import ROUNDS, Following, reduced_dynamics
+from .motion import ROUNDS, Following, impact_of, reduced_dynamics
 
 # Derived fields that a motion has: with 21 a bonsai's swings were 4.4 % off, with 36 1.3 %.
 DERIVED_IN_MOTION = 45
@@ -84,11 +84,12 @@ class ReducedMethod:
             before = ", then by ".join(f"{100 * error:.2g} %" for error in followed.before)
             again = Note("method.motion_before", before=before)
             solution.append(("followed again", again))
-        notes = [
-            *accuracy_warnings(model),
-            *error_notes(followed.error),
-            *halving_notes(followed.halved, frames),
-        ]
+        notes, error = [*accuracy_warnings(model)], followed.error
+        if error is None:
+            notes.append(Note("method.how_far"))
+        elif not error.share <= MOTION_LIMIT:
+            notes.append(Note("method.reduced_motion", words=error.words))
+        notes += halving_notes(followed.halved, frames)
         if scene.obstacles:
             notes.append(Note("method.coordinates_follow", dofs=model.dofs))
         return MotionResult(
@@ -99,8 +100,9 @@ class ReducedMethod:
             locking_fraction(scene.mesh) if model.order == 1 else 0.0,
             notes=tuple(notes),
             solution=tuple(solution),
-            model_error=followed.error,
+            model_error=error,
             stiffening=model.accuracy.stiffening,
+            impact=impact_of(followed.states) if scene.obstacles else None,
         )
 
     def model_of(self, scene: Scene, order: int | None = None) -> ReducedModel:
@@ -124,15 +126,6 @@ class ReducedMethod:
 
 
 METHOD = ReducedMethod()
-
-
-def error_notes(error: ModelError | None) -> tuple[str, ...]:
-    """Say that a motion is not the full body's, or that this was not measured."""
-    if error is None:
-        return (Note("method.how_far"),)
-    if not error.share <= MOTION_LIMIT:
-        return (Note("method.reduced_motion", words=error.words),)
-    return ()
 
 
 def with_motion_error(model: ReducedModel, scene: Scene) -> ReducedModel:

@@ -185,30 +185,3 @@ class ReducedModel:
         names = ("cells", "gradients", "E", "nu", "region")
         taken = {name: getattr(self, name)[cells] for name in names}
         return replace(self, weights=weights, **taken)
-
-    def to_js(self) -> dict[str, Any]:
-        """Return what a page needs to move the surface, as numbers and flat lists.
-
-        ``dofs``, ``cells`` and ``vertices`` are counts. Flat, in C order: ``gradients``
-        (cells, 3, 3, dofs), ``weights``, ``lam``, ``mu``, ``region`` (cells,), ``springs``
-        (dofs, dofs), ``gravity`` (3, dofs): force on the coordinates of 1 m/s^2 along x, y, z;
-        ``basis`` (vertices, 3, dofs) and ``points`` (vertices, 3) of the surface, ``faces``
-        (faces, 3) among those; ``parts`` are the names of the regions. Units as of the model.
-        """
-        used, index = np.unique(self.faces, return_inverse=True)
-        lam, mu = self.lame
-        flat = {
-            "gradients": self.gradients,
-            "weights": self.weights,
-            "lam": lam,
-            "mu": mu,
-            "region": self.region,
-            "springs": self.springs,
-            "gravity": np.stack([self.weight(axis) for axis in np.eye(3)]),
-            "basis": self.basis[used],
-            "points": self.points[used],
-            "faces": index,
-        }
-        counts = {"dofs": self.dofs, "cells": len(self.cells), "vertices": len(used)}
-        lists = {name: np.ravel(array).tolist() for name, array in flat.items()}
-        return {"kind": self.kind.value, **counts, **lists, "parts": list(self.region_names)}

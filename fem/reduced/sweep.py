@@ -9,7 +9,6 @@ Huynh & Patera 2008): responses to the loads, and one inverse iteration of the v
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -58,12 +57,13 @@ class WhatIfError(NamedTuple):
     """Reduced runs beside the full body's, for those ``runs`` that were solved in full too.
 
     Relative errors [1] of the displacement at ``rest``, in the norm of mass, and of the first
-    ``frequency``, each (runs,).
+    ``frequency``, each (runs,). Of ``unsolved`` others the full body found no rest.
     """
 
     runs: np.ndarray
     rest: np.ndarray
     frequency: np.ndarray
+    unsolved: int
 
 
 @single_threaded
@@ -129,25 +129,29 @@ def what_if_error(
     It has elements of ``order``, at least the model's: with 2 what linear ones lock is in the
     error. ``forces`` gives what the load of a run was pulled back from: [N] at the model's nodes.
 
-    Raises ConvergenceError: Where no run has a rest, or the full body finds none.
+    Raises ConvergenceError: Where no run has a rest.
     """
     if not np.isfinite(found.largest).any():
         raise ConvergenceError("sweep.none_runs", count=len(found.largest))
     farthest = int(np.nanargmax(found.largest))
     others = np.setdiff1d(np.flatnonzero(np.isfinite(found.largest)), [farthest])
     drawn = np.random.default_rng(seed).permutation(others)[: count - 1]
-    runs = np.array([farthest, *drawn])
-    rest, frequency = np.empty(len(runs)), np.empty(len(runs))
-    for i, run in enumerate(runs):
+    solved, unsolved = [], 0
+    for run in (farthest, *drawn):
         material = material_of(mesh)
         moduli = ElementMaterial(material.E * scales[run][mesh.region], material.nu, material.rho)
         body = mesh.with_material(moduli)
-        solved = solve_nonlinear(body, supports, forces=forces(int(run)), law=law, order=order)
-        full = solved.node_displacement[: len(model.points)]
-        rest[i] = relative_error(model, model.displacement(found.coordinates[run]), full)
-        modes = natural_modes(body, 1, supports=supports, order=order, lumped=order == 1)
-        frequency[i] = found.frequency[run] / modes.frequencies[0] - 1
-    return WhatIfError(runs, rest, frequency)
+        try:
+            full = solve_nonlinear(body, supports, forces=forces(int(run)), law=law, order=order)
+            modes = natural_modes(body, 1, supports=supports, order=order, lumped=order == 1)
+        except ConvergenceError:
+            unsolved += 1
+            continue
+        u, target = model.displacement(found.coordinates[run]), full.node_displacement
+        rest = relative_error(model, u, target[: len(model.points)])
+        solved.append((run, rest, found.frequency[run] / modes.frequencies[0] - 1))
+    runs, rests, frequencies = np.array(solved).reshape(-1, 3).T
+    return WhatIfError(runs.astype(np.int64), rests, frequencies, unsolved)
 
 
 # Numbers of a factor above which a family takes more than some seconds: a dozen are made.
@@ -262,26 +266,25 @@ class LinearFamily:
 
     @cached_property
     def _parts(self) -> tuple[list[tuple[Any, Any]], Any]:
-        """Stiffness of every group by lam and mu (of a grain: all and nothing); of the rest."""
+        """Stiffness of every group by lam and mu (of a grain: all, twice); of the rest."""
         pairs, none = [], np.zeros(len(self.mesh.tets))
         for tets, grained in zip(self.groups, self.grained, strict=True):
             E = np.where(tets, material_of(self.mesh).E, 0.0)
             if grained:
-                empty = _trimmed(stiffness(self.grid, none, none).to_scipy())
-                pairs.append((self._stiffness_of(tets), empty))
-            else:
-                moduli = ((E, none), (none, E))
-                pairs.append(tuple(_trimmed(stiffness(self.grid, *m).to_scipy()) for m in moduli))
+                pair = [self._stiffness_of(tets)] * 2
+            else:  # without the blocks of others, on arrays of its own
+                pair = [stiffness(self.grid, *m).to_scipy().copy() for m in ((E, none), (none, E))]
+                for matrix in pair:
+                    matrix.eliminate_zeros()
+            pairs.append(tuple(pair))
         return pairs, self._stiffness_of(self.others)
 
     def _stiffness_of(self, tets: np.ndarray) -> Any:
         """Stiffness of some tets as they are: twice what is missing when they have half of it."""
         base = material_of(self.mesh)
-        factor = np.where(tets, 0.5, 1.0)
-        tensor = None if base.tensor is None else base.tensor * factor[:, None, None]
-        half = replace(base, E=base.E * factor, tensor=tensor)
+        half = base.times(np.where(tets, 0.5, 1.0))
         whole, rest = (linear_stiffness(self.grid, m).to_scipy() for m in (base, half))
-        return _trimmed(2 * (whole - rest))
+        return 2 * (whole - rest)
 
     def answers(
         self, member: Member
@@ -318,13 +321,3 @@ class LinearFamily:
             return rest, np.zeros(0)
         square = eigh(K, M, eigvals_only=True, subset_by_index=[0, count - 1])
         return rest, np.sqrt(np.maximum(square, 0.0)) / (2 * np.pi)
-
-
-def _trimmed(matrix: Any) -> Any:
-    """``matrix`` (BSR) without the blocks that are zero."""
-    from scipy.sparse import bsr_array
-
-    some = matrix.data.any(axis=(1, 2))
-    before = np.concatenate([[0], np.cumsum(some)])
-    arrays = (matrix.data[some], matrix.indices[some], before[matrix.indptr])
-    return bsr_array(arrays, shape=matrix.shape)

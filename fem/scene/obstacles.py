@@ -30,8 +30,10 @@ class Obstacle(Protocol):
         ...
 
 
-def _unit(vector: np.ndarray, length: np.ndarray) -> np.ndarray:
-    return vector / np.where(length > 0, length, 1.0)[:, None]
+def _from(away: np.ndarray, radius: float = 0.0) -> Distance:
+    """Distance of points that are ``away`` (n, 3) [m] from the middle of what has a ``radius``."""
+    length = np.linalg.norm(away, axis=1)
+    return Distance(length - radius, away / np.where(length > 0, length, 1.0)[:, None])
 
 
 @dataclass(frozen=True)
@@ -88,9 +90,7 @@ class Sphere:
 
     def distance(self, x: np.ndarray) -> Distance:
         """Distance from the surface of the ball."""
-        away = x - self.centre
-        length = np.linalg.norm(away, axis=1)
-        return Distance(length - self.radius, _unit(away, length))
+        return _from(x - self.centre, self.radius)
 
 
 @dataclass(frozen=True)
@@ -121,9 +121,7 @@ class Capsule:
         """Distance from the surface of the capsule."""
         start, along = np.asarray(self.start), np.subtract(self.end, self.start)
         alpha = np.clip((x - start) @ along / max(float(along @ along), 1e-300), 0, 1)
-        away = x - start - alpha[:, None] * along
-        length = np.linalg.norm(away, axis=1)
-        return Distance(length - self.radius, _unit(away, length))
+        return _from(x - start - alpha[:, None] * along, self.radius)
 
 
 @dataclass(frozen=True)
@@ -153,12 +151,10 @@ class Box:
         """Distance from the surface of the box."""
         local = x - self.centre
         q = np.abs(local) - self.half
-        out = np.maximum(q, 0.0)
-        length = np.linalg.norm(out, axis=1)
+        away, normal = _from(np.maximum(q, 0.0))
         nearest = np.eye(3)[np.argmax(q, axis=1)]  # the face that a point inside is closest to
-        outside = (length > 0)[:, None]
-        normal = np.where(outside, _unit(out, length), nearest) * np.where(local < 0, -1.0, 1.0)
-        return Distance(np.where(outside[:, 0], length, q.max(axis=1)), normal)
+        normal = np.where(away[:, None] > 0, normal, nearest) * np.where(local < 0, -1.0, 1.0)
+        return Distance(np.where(away > 0, away, q.max(axis=1)), normal)
 
 
 def obstacle_size(obstacle: Obstacle) -> float:
@@ -166,6 +162,12 @@ def obstacle_size(obstacle: Obstacle) -> float:
     if isinstance(obstacle, Sphere | Capsule):
         return obstacle.radius
     return float(np.min(obstacle.half)) if isinstance(obstacle, Box) else np.inf
+
+
+def obstacle_middle(obstacle: Obstacle) -> np.ndarray | None:
+    """A point [m] in a ball, box or capsule, shape (3,); None of what has no end."""
+    middle = getattr(obstacle, "centre", getattr(obstacle, "start", None))
+    return None if middle is None else np.asarray(middle, dtype=float)
 
 
 def gripper(

@@ -115,12 +115,9 @@ class Scene:
 
         By similarity: stresses act as share^2, accelerations and speeds as ``scale`` of themselves.
         """
-        old = material_of(self.mesh)
-        tensor = None if old.tensor is None else scale**2 * old.tensor
-        material = replace(old, E=scale**2 * old.E, tensor=tensor)
         return replace(
             self,
-            mesh=self.mesh.with_material(material),
+            mesh=self.mesh.with_material(material_of(self.mesh).times(scale**2)),
             gravity_vector=scale * np.asarray(self.gravity_vector, dtype=float),
             velocity=scale * np.asarray(self.velocity, dtype=float),
             tractions=tuple(t._replace(value=scale**2 * t.value) for t in self.tractions),

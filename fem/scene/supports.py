@@ -12,7 +12,7 @@ from ..errors import InputError
 from ..mesh import TetMesh, face_components, spans_plane
 from ..note import Note
 from .obstacles import Plane
-from .up import UpAxis, lowest_corner, up_index, up_vector
+from .up import UpAxis, up_index, up_vector
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,6 +30,8 @@ class Supports:
     assumed
         Share of the body's volume in pieces that touch nothing held, which are held where they
         are because nobody said by what.
+    places
+        What was fixed at a time, one mask (points, 3) a place: nothing between two places is held.
 
     Examples
     --------
@@ -43,8 +45,11 @@ class Supports:
     values: Float[np.ndarray, "points 3"]
     springs: Float[np.ndarray, "points 3"]
     assumed: float = 0.0
+    places: tuple[Bool[np.ndarray, "points 3"], ...] = ()
 
     def __post_init__(self) -> None:
+        if not self.places and self.fixed.any():
+            object.__setattr__(self, "places", (self.fixed,))
         if not (np.isfinite(self.values).all() and np.isfinite(self.springs).all()):
             raise InputError("supports.support_values")
         if (self.springs < 0).any():
@@ -68,9 +73,10 @@ class Supports:
         fixed, prescribed = self.fixed.copy(), self.values.copy()
         index = np.arange(len(fixed))[ids]
         grid = np.ix_(index, np.atleast_1d(axes))
-        fixed[grid] = True
+        place = np.zeros_like(fixed)
+        fixed[grid] = place[grid] = True
         prescribed[grid] = values
-        return replace(self, fixed=fixed, values=prescribed)
+        return replace(self, fixed=fixed, values=prescribed, places=(*self.places, place))
 
     def with_springs(self, ids, stiffness) -> Supports:
         """Add springs of ``stiffness`` [N/m] (scalar, or a value for each axis) at ``ids``."""
@@ -87,8 +93,8 @@ BASE_SHARE = 0.02
 
 def ground_under(mesh: TetMesh, up: UpAxis, *, gap: float = 0.0) -> Plane:
     """Level ground ``gap`` [m] under the lowest point of ``mesh``: nothing sinks below it."""
-    normal = up_vector(up)
-    return Plane(tuple(lowest_corner(mesh.bounds, up) - gap * normal), tuple(normal))
+    normal, (low, high) = up_vector(up), mesh.bounds
+    return Plane(tuple(np.where(normal < 0, high, low) - gap * normal), tuple(normal))
 
 
 class FoundSupports(NamedTuple):
@@ -113,11 +119,13 @@ def find_supports(
     used = np.unique(mesh.tets)
     fixed = np.zeros((len(mesh.points), 3), dtype=bool)
     loose, assumed = 0, 0.0
-    place = _three_points if three_point else _clamp_lowest
     axis, points = up_index(up), mesh.points
     if (up[0] == "-") != from_top:
         points = points * np.where(np.arange(3) == axis, -1.0, 1.0)
-    place(points, used, axis, fixed)
+    if three_point:
+        _hold_three(points, used, axis, fixed)
+    else:
+        fixed[_lowest(points, used, axis)] = True
     members = [np.unique(mesh.tets[labels == k]) for k in range(labels.max() + 1)]
     held = np.any(fixed, axis=1)
     waiting = set(range(len(members)))
@@ -125,7 +133,7 @@ def find_supports(
         done = {k for k in waiting if spans_plane(mesh.points[members[k][held[members[k]]]])}
         if not done:  # the biggest loose component gets a support of its own
             k = max(waiting, key=lambda k: len(members[k]))
-            _clamp_lowest(points, members[k], axis, fixed)
+            fixed[_lowest(points, members[k], axis)] = True
             assumed += mesh.volumes[labels == k].sum() / mesh.volume
             loose += 1
             done = {k}
@@ -133,7 +141,8 @@ def find_supports(
             held[members[k]] = True
         waiting -= done
     supports = Supports(fixed, np.zeros(fixed.shape), np.zeros(fixed.shape), float(assumed))
-    where = "highest" if from_top else "lowest"
+    if not loose:
+        return FoundSupports(supports, ())
     does, whose = ("are", "their") if loose > 1 else ("is", "its")
     warning = Note(
         "supports.pieces_volume",
@@ -142,9 +151,9 @@ def find_supports(
         assumed=assumed,
         does=does,
         whose=whose,
-        where=where,
+        where="highest" if from_top else "lowest",
     )
-    return FoundSupports(supports, (warning,) if loose else ())
+    return FoundSupports(supports, (warning,))
 
 
 def _lowest(points: np.ndarray, ids: np.ndarray, axis: int) -> np.ndarray:
@@ -156,11 +165,7 @@ def _lowest(points: np.ndarray, ids: np.ndarray, axis: int) -> np.ndarray:
     return ids[z <= fraction * z.max()]
 
 
-def _clamp_lowest(points, ids, axis, fixed) -> None:
-    fixed[_lowest(points, ids, axis)] = True
-
-
-def _three_points(points, ids, axis, fixed) -> None:
+def _hold_three(points, ids, axis, fixed) -> None:
     """Fix six components at three points far apart: no stress from the support but its reaction."""
     base = _lowest(points, ids, axis)
     side = [a for a in range(3) if a != axis]

@@ -34,8 +34,3 @@ def half_turn(up: UpAxis) -> Float[np.ndarray, "3"]:
     if up[0] == "-":
         factors[[up_index(up), (up_index(up) + 1) % 3]] = -1.0
     return factors
-
-
-def lowest_corner(bounds: Float[np.ndarray, "2 3"], up: UpAxis) -> Float[np.ndarray, "3"]:
-    """Return a corner of a box, by its lower and upper ``bounds``, that lies lowest."""
-    return np.where(up_vector(up) < 0, bounds[1], bounds[0])

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from collections.abc import Callable
 
 import numpy as np
 
-from ..device import single_threaded, start_warp
+from ..device import single_threaded
 from ..elements.assembly import constrained_stiffness, discretise, node_supports
-from ..elements.elastic import displacement_gradients, linear_stress
+from ..elements.elastic import displacement_gradients, geometric_stiffness, linear_stress
 from ..elements.space import element_points
 from ..errors import ConvergenceError, InputError
 from ..laws.law import Law
@@ -26,22 +26,6 @@ STEPS, LEAST = 80, 10
 ROUGH, MOST_TETS = 1e-7, 150_000
 # A load factor beyond this is as good as infinite, and its own eigenvalue is in a crowd.
 LARGEST = 1000.0
-
-
-class _Pencil(NamedTuple):
-    """K with its inverse, what is free (nodes, 3), and K_sigma [N/m] (nodes, nodes)."""
-
-    K: ConstrainedInverse
-    free: np.ndarray
-    geometric: Any
-
-    def pushed(self, x: np.ndarray) -> np.ndarray:
-        """Force -K_sigma x [N] of the stress on the displacement ``x`` (nodes, 3)."""
-        return np.where(self.free, -(self.geometric @ x), 0.0)
-
-    def solved(self, force: np.ndarray) -> np.ndarray:
-        """Displacement (nodes, 3) under a ``force`` on what is free."""
-        return np.where(self.free, self.K.solve(np.where(self.free, force, 0.0)), 0.0)
 
 
 @single_threaded
@@ -62,9 +46,8 @@ def find_load_factor(result: StaticResult, supports: Supports) -> LoadFactor:
         raise InputError("buckling.load_factor_under", law=result.law, value=Law.LINEAR.value)
     grid = discretise(result.mesh, result.order)
     held = node_supports(supports, grid.space)
-    H = displacement_gradients(grid, result.node_displacement, element_points(grid.space.order))
-    material = material_of(result.mesh)
-    stress = linear_stress(H, material)
+    material, points = material_of(result.mesh), element_points(grid.space.order)
+    stress = linear_stress(displacement_gradients(grid, result.node_displacement, points), material)
     affordable = len(result.mesh.tets) <= MOST_TETS
     matrix = constrained_stiffness(grid, material, held)
     inverse = constrained_inverse(matrix, grid.space, held, rough=ROUGH if affordable else 0.0)
@@ -72,47 +55,39 @@ def find_load_factor(result: StaticResult, supports: Supports) -> LoadFactor:
         raise ConvergenceError("buckling.tets_shape", count=len(result.mesh.tets))
     free = ~held.fixed
     free[grid.space.unused] = False
-    # K_sigma [N/m] of `stress` [Pa] at the quadrature points, for one direction
-    from scipy.sparse import csr_array
-
-    from ..elements import kernels_field as k
-
-    wp = start_warp()
-    pattern, count = grid.pattern, len(grid.space.nodes)
-    stresses = wp.array(stress, dtype=wp.mat33d, device=grid.device)
-    values = wp.zeros(pattern.columns.shape[0], dtype=wp.float64, device=grid.device)
-    inputs = [grid.points, grid.elements, grid.quadrature, stresses, pattern.slots, values]
-    wp.launch(k.geometric_stiffness, len(stress), inputs=inputs, device=grid.device)
-    arrays = (values.numpy(), pattern.columns.numpy(), pattern.rows.numpy())
-    pencil = _Pencil(inverse, free, csr_array(arrays, shape=(count, count)))
-    eigenvalue, shape = _largest_eigenvalue(pencil)
+    K_sigma = geometric_stiffness(grid, stress)
+    start = np.where(free, np.random.default_rng(0).normal(size=free.shape), 0.0)
+    push = lambda x: np.where(free, -(K_sigma @ x), 0.0)  # noqa: E731
+    eigenvalue, shape = _largest_eigenvalue(inverse, push, start)
     shape = shape[: grid.space.points]
     if not eigenvalue > 0:
         return LoadFactor(np.inf, np.zeros_like(shape))
-    return LoadFactor(1 / eigenvalue, shape / np.linalg.norm(shape, axis=1).max())
+    return LoadFactor(1 / eigenvalue, shape / (np.linalg.norm(shape, axis=1).max() or 1.0))
 
 
-def _largest_eigenvalue(pencil: _Pencil) -> tuple[float, np.ndarray]:
-    """Largest eigenvalue of -K_sigma x = value K x, and its x (nodes, 3); zero if hardly any.
+def _largest_eigenvalue(
+    K: ConstrainedInverse, push: Callable[[np.ndarray], np.ndarray], start: np.ndarray
+) -> tuple[float, np.ndarray]:
+    """Largest eigenvalue of push(x) = value K x, and its x (nodes, 3); zero if hardly any.
 
     By Lanczos in the inner product of K, every vector made orthogonal to all before it.
     """
-    v = pencil.solved(np.random.default_rng(0).normal(size=pencil.free.shape))
+    v = K.solve(start)
     basis, images = np.zeros((2, STEPS, *v.shape))  # of every vector v, and K v
     along, across = np.zeros(STEPS), np.zeros(STEPS)
-    image = pencil.K.stiffness.times(v)
+    image = K.stiffness.times(v)
     for step in range(STEPS):
         across[step] = np.sqrt(max(float((v * image).sum()), 0.0))
         if across[step] == 0:  # nothing is free, or nothing is stressed
             return 0.0, v
         basis[step], images[step] = v / across[step], image / across[step]
-        pushed = pencil.pushed(basis[step])
+        pushed = push(basis[step])
         along[step] = (basis[step] * pushed).sum()
-        v = pencil.solved(pushed)
+        v = K.solve(pushed)
         for _ in range(2):  # once leaves what round-off brought back
             known = np.tensordot(images[: step + 1], v, axes=([1, 2], [0, 1]))
             v = v - np.tensordot(known, basis[: step + 1], axes=1)
-        image = pencil.K.stiffness.times(v)
+        image = K.stiffness.times(v)
         rest = np.sqrt(max(float((v * image).sum()), 0.0))
         T = np.diag(along[: step + 1]) + np.diag(across[1 : step + 1], 1)
         value, mode = np.linalg.eigh(T + np.triu(T, 1).T)

@@ -16,21 +16,22 @@ from ..elements.forces import edge_nodes
 from ..elements.space import Space
 from ..errors import InputError
 from ..mesh import TetMesh, face_areas, material_of
-from ..scene.obstacles import Distance, Obstacle, obstacle_size
+from ..scene.obstacles import Distance, Obstacle, obstacle_middle, obstacle_size
 from ..scene.up import UpAxis, up_index, up_vector
-from .self_contact import ContactPressures, PieceForce, SelfContact, largest_pressure
+from .self_contact import (
+    GAP_SHARE,
+    STICK_SHARE,
+    STIFFNESS_SHARE,
+    ContactPressures,
+    PieceForce,
+    SelfContact,
+    largest_pressure,
+)
 
 # The barrier acts closer than this fraction of the body's diagonal.
 BARRIER_SHARE = 1e-3
-# Barrier stiffness as a fraction of the body's own E: stiff against the body, which is a thousand
-# barrier thicknesses wide, and soft enough for Newton.
-STIFFNESS_SHARE = 0.1
-# A Newton step may use up this fraction of a gap.
-GAP_SHARE = 0.9
 # Advancement along a step that meets no obstacle within so many moves is stopped there.
 ADVANCES = 60
-# Sliding slower than this fraction of the body's diagonal per second is sticking.
-STICK_SHARE = 1e-3
 
 
 def barrier_thickness(mesh: TetMesh) -> float:
@@ -225,6 +226,40 @@ class Contact:
                     u[carried] = start[carried] + move
         return u
 
+    def inside(self) -> int | None:
+        """Number of the first obstacle that lies wholly in the body at rest; None: there is none.
+
+        No place of the surface is near such a one: its middle is in a tet.
+        """
+        corners = self.mesh.points[self.mesh.tets]
+        for k, obstacle in enumerate(self.obstacles):
+            if (middle := obstacle_middle(obstacle)) is None:
+                continue
+            around = np.flatnonzero(
+                ((corners.min(axis=1) <= middle) & (middle <= corners.max(axis=1))).all(axis=1)
+            )
+            edges = (corners[around, 1:] - corners[around, :1]).swapaxes(1, 2)
+            local = np.linalg.solve(edges, (middle - corners[around, 0])[..., None])[..., 0]
+            if ((local > -1e-9).all(axis=1) & (local.sum(axis=1) < 1 + 1e-9)).any():  # or on a face
+                return k
+        return None
+
+    def swept(self, u: np.ndarray) -> bool:
+        """Whether an obstacle meets the body at ``u`` [m] within the step, which is too long then.
+
+        It moves by more than half of its size, and is looked at as often on its way.
+        """
+        for k, obstacle in enumerate(self.obstacles):
+            move = self.step * np.asarray(obstacle.velocity, dtype=float)
+            parts = int(np.ceil(2 * np.linalg.norm(move) / obstacle_size(obstacle)))
+            for part in range(parts + 1 if parts > 1 else 0):
+                shift = self._shift(k) - part / parts * move
+                for sites in self.surfaces[k].near(u, shift, self.thickness):
+                    x = sites.rest + sites.moved(u) - shift
+                    if (obstacle.distance(x).gap <= 0).any():
+                        return True
+        return False
+
     def longest_step(self, u: np.ndarray, step: np.ndarray) -> float:
         """Largest fraction of ``step`` that leaves a tenth of every gap, by safe advancement.
 
@@ -259,6 +294,10 @@ class Contact:
             total[lag.obstacle] -= lag.gradient(u).sum(axis=0)
         return total
 
+    def rubbed(self, u: np.ndarray) -> float:
+        """Energy [J] that friction with obstacles took in the step that ends at ``u``."""
+        return sum(float((lag.gradient(u) * lag.slip(u)[0]).sum()) for lag in self.lagged)
+
     def pressures(self, u: np.ndarray) -> ContactPressures:
         """Largest contact pressures [Pa] at ``u``, without friction."""
         pushes = np.zeros((len(self.obstacles) + 1, *u.shape))
@@ -270,10 +309,6 @@ class Contact:
             [largest_pressure(self.mesh, self.space, u, pushes[k]) for k in range(len(pushes))]
         )
         return ContactPressures(largest[:-1], float(largest[-1]))
-
-    def passes(self, u: np.ndarray, after: np.ndarray) -> bool:
-        """Whether the body can go from ``u`` to ``after`` without meeting itself."""
-        return self.own is None or self.own.longest_step(u, after - u) == 1
 
     def piece_forces(self, u: np.ndarray) -> tuple[PieceForce, ...]:
         """Force of every piece on every other that it touches."""
@@ -339,17 +374,6 @@ class Sites(NamedTuple):
         pairs.append((i, j, both[..., None, None] * blocks[near, None, None]))
 
 
-class _Group(NamedTuple):
-    """Faces with the same lattice: ``nodes`` (faces, k), ``stiffness`` (faces,) [J].
-
-    A place is as stiff as a corner of the face: few of them carry what presses a flat face.
-    """
-
-    nodes: np.ndarray
-    stiffness: np.ndarray
-    alpha: np.ndarray
-
-
 class SurfaceSites:
     """Sites of a body against one obstacle.
 
@@ -381,12 +405,14 @@ class SurfaceSites:
         ids = np.flatnonzero(area > 0)
         weight = stiffness[ids] * area[ids]
         self.nodal = Sites(ids[:, None], np.ones((len(ids), 1)), space.nodes[ids], weight)
-        self.groups = []
+        # Faces with the same lattice: nodes (faces, k), stiffness (faces,) [J] and the lattice. A
+        # place is as stiff as a corner of the face: few of them carry what presses a flat face.
+        self.groups: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
         for count in np.unique(cells[~plain]).tolist():
             own = cells == count
             mean = stiffness[faces[own]].mean(axis=1)
             lattice = face_lattice(count, nodes.shape[1])
-            self.groups.append(_Group(nodes[own], mean * areas[own] / 3, lattice))
+            self.groups.append((nodes[own], mean * areas[own] / 3, lattice))
 
     def near(self, u: np.ndarray, shift: np.ndarray, margin: float) -> Iterator[Sites]:
         """Sites of the displaced body, all that are closer than ``margin`` [m] among them.
@@ -395,14 +421,13 @@ class SurfaceSites:
         """
         if len(self.nodal.nodes):
             yield self.nodal
-        for group in self.groups:
-            close = self.close(group.nodes, u, shift, margin)
+        for faces, stiffness, lattice in self.groups:
+            close = self.close(faces, u, shift, margin)
             if close.size:
-                places = len(group.alpha)
-                nodes = np.repeat(group.nodes[close], places, axis=0)
-                alpha = np.tile(group.alpha, (len(close), 1))
+                nodes = np.repeat(faces[close], len(lattice), axis=0)
+                alpha = np.tile(lattice, (len(close), 1))
                 rest = np.einsum("nk,nkd->nd", alpha, self.rest[nodes])
-                yield Sites(nodes, alpha, rest, np.repeat(group.stiffness[close], places))
+                yield Sites(nodes, alpha, rest, np.repeat(stiffness[close], len(lattice)))
 
     def close(self, faces: np.ndarray, u: np.ndarray, shift: np.ndarray, margin: float):
         """Indices of all ``faces`` (faces, k) that are closer than ``margin``, and of more."""

@@ -65,7 +65,7 @@ class Rayleigh:
         self.alpha, self.beta = damping.mass, damping.stiffness
         self.mass, self.grid = damping.mass * mass[:, None], grid
         lame = [grid.array(self.beta * np.asarray(m)) for m in material.lame]  # [Pa s]
-        self._arrays = [grid.points, grid.elements, grid.quadrature, *lame]
+        self._arrays = [grid.tets, *lame, None, True]  # no tensors; finite strains
 
     def force(self, u: np.ndarray, v: np.ndarray) -> Float[np.ndarray, "nodes 3"]:
         """Damping force [N] at the displacement ``u`` [m] and velocity ``v`` [m/s]."""
@@ -87,10 +87,10 @@ class Rayleigh:
         wp = start_warp()
         fields = [self.grid.array(u), self.grid.array(along)]
         tets, device = len(self.grid.space.elements), self.grid.device
-        energy = wp.empty(tets, dtype=wp.float64, device=device)
+        energy = wp.zeros(tets, dtype=wp.float64, device=device)
         force = wp.zeros_like(fields[0])
         inputs = [*self._arrays, scale, *fields, rate, energy, force]
-        wp.launch(k.energy_and_force, tets, inputs=inputs, device=device)
+        wp.launch(k.tensor_response, tets, inputs=inputs, device=device)
         return Response(float(energy.numpy().sum()), force.numpy())
 
     def stresses(
@@ -100,19 +100,16 @@ class Rayleigh:
 
         First Piola stresses at the points of ``element_points``, linear in the moduli (broadcast).
         """
-        from ..elements import kernels_elastic as k
-
-        wp = start_warp()
         where = element_points(self.grid.space.order)
 
         def stress(lame: LameParameters, at: np.ndarray, along: np.ndarray, rate: bool):
             H, G = (displacement_gradients(self.grid, field, where) for field in (at, along))
-            arrays = [wp.array(x.reshape(-1, 3, 3), dtype=wp.mat33d, device="cpu") for x in (H, G)]
-            moduli = [np.broadcast_to(m, H.shape[:2]).astype(float).ravel() for m in lame]
-            moduli = [wp.array(m, dtype=wp.float64, device="cpu") for m in moduli]
-            P = wp.empty_like(arrays[0])
-            wp.launch(k.stress, len(P), inputs=[*arrays, rate, *moduli, P], device="cpu")
-            return P.numpy().reshape(H.shape)
+            D, T = H - G, H.swapaxes(-1, -2)
+            D = G + T @ G if rate else D + (T @ D + D.swapaxes(-1, -2) @ G) / 2
+            trace = np.trace(D, axis1=-2, axis2=-1)[..., None, None] * np.eye(3)
+            lam, mu = (np.asarray(m)[..., None, None] for m in lame)
+            S = mu * (D + D.swapaxes(-1, -2)) + lam * trace
+            return S + H @ S
 
         if not self.beta:
             return []
@@ -134,5 +131,5 @@ class Rayleigh:
             inputs = [*self._arrays, 1 / dt, self.grid.array(u), self.grid.array(start), projected]
             inputs += [self.grid.pattern.slots, matrix.values]
             tets, device = len(self.grid.space.elements), self.grid.device
-            start_warp().launch(k.tangent, tets, inputs=inputs, device=device)
+            start_warp().launch(k.tensor_tangent, tets, inputs=inputs, device=device)
         add_diagonal(matrix, self.mass[:, :, None] / dt * np.eye(3))

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import logging
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 
-from ..elements.space import affordable_order
 from ..errors import ConvergenceError, UsageError
 from ..laws.law import LAWS, Law
-from ..mesh import material_of
 from ..note import Note
 from ..scene.scene import Scene
 from .buckling import find_load_factor
@@ -19,8 +18,8 @@ from .contact import barrier_thickness
 from .error import find_discretisation_error
 from .method import FrameProgress
 from .nonlinear import solve_nonlinear
-from .result import SagResult, StaticResult, locking_fraction
-from .statics import solve_averaged, solve_static
+from .result import SagResult, StaticResult
+from .statics import solve_static
 
 logger = logging.getLogger(__name__)
 
@@ -70,17 +69,10 @@ class StaticMethod:
             "forces": scene.forces,
             "device": device,
         }
-        isotropic = material_of(scene.mesh).tensor is None
-        averaged = order is None and isotropic and locking_fraction(scene.mesh) > 0
-
-        def solve(*, order: int) -> StaticResult:
-            """Linear elements have averaged pressures where quadratic ones are not affordable."""
-            if averaged and order == 1:
-                return solve_averaged(scene.mesh, scene.held, **loads)
-            return solve_static(scene.mesh, scene.held, order=order, **loads)
-
-        order = order or affordable_order(scene.mesh)
+        solve = partial(solve_static, scene.mesh, scene.held, **loads)
         static = solve(order=order)
+        found = find_discretisation_error(static, scene.held, solve, **loads)
+        static = replace(static, cycle=None)  # and its memory
         factor, load_factor_unmade = None, ""  # of buckling, or why there is none
         if static.order == 1:
             load_factor_unmade = Note("equilibrium.linear_elements")
@@ -89,41 +81,38 @@ class StaticMethod:
                 factor = find_load_factor(static, scene.held)
             except ConvergenceError as error:
                 load_factor_unmade = str(error)
-        error, trusted = find_discretisation_error(static, scene.held, solve, **loads), True
+        trusted = True
         if law is None or LAWS[law].finite:
             name = law or Law.NEO_HOOKEAN
             static, trusted = _checked_strain(scene, static, name, warnings, loads)
         for warning in warnings:
             logger.warning(warning)
-        largest, longest = _largest(static), scene.longest
+        largest = float(np.linalg.norm(static.displacement, axis=1).max())
         return SagResult(
             static,
             scene.height,
             largest,
-            largest / longest,
-            error,
+            largest / scene.longest,
+            found.relative,
             np.asarray(scene.held.fixed.any(axis=1)),
             tuple(warnings),
             load_factor=factor,
             load_factor_unmade=load_factor_unmade,
             trusted=trusted,
             assumed=scene.held.assumed,
+            error_shares=found.shares,
+            reaction_error=found.reaction,
         )
 
 
 METHOD = StaticMethod()
 
 
-def _largest(static: StaticResult) -> float:
-    """Largest displacement of a point [m]."""
-    return float(np.linalg.norm(static.displacement, axis=1).max())
-
-
 def _checked_strain(
     scene: Scene, linear: StaticResult, law: str, warnings: list[str], loads: dict[str, Any]
 ) -> tuple[StaticResult, bool]:
     """Answer under ``law`` where the linear one strains or sinks too much; whether to trust it."""
-    fraction = _largest(linear) / scene.longest
+    fraction = float(np.linalg.norm(linear.displacement, axis=1).max()) / scene.longest
     if fraction > COLLAPSE:
         warnings.append(Note("equilibrium.collapses_linear", fraction=fraction))
         return linear, False

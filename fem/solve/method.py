@@ -48,9 +48,7 @@ class Method(Protocol):
 
 def halving_notes(halved: int, frames: int) -> tuple[str, ...]:
     """Say that steps were made of smaller ones: a motion damps less then, and differs."""
-    if not halved:
-        return ()
-    return (Note("method.steps_converge", halved=halved, frames=frames),)
+    return (Note("method.steps_converge", halved=halved, frames=frames),) if halved else ()
 
 
 METHODS: Registry[Method] = Registry(

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..device import Recorder, checked_device, single_threaded
+from ..device import Recorder, checked_device, single_threaded, start_warp
 from ..elements.assembly import (
     BlockMatrix,
     Discretisation,
@@ -26,11 +27,12 @@ from ..laws.law import Law
 from ..linalg.cholesky import NotPositive, cached_factor, find_factor, planned_elimination
 from ..linalg.krylov import RitzPairs, lanczos
 from ..linalg.multigrid import TwoLevel, scale
-from ..linalg.solver import MOST_ENTRIES, PIVOT, rough_inverse
+from ..linalg.solver import MOST_ENTRIES, PIVOT, Inverse, rough_factor, rough_inverse
 from ..mesh import TetMesh, free_motions, material_of, rigid_motions
 from ..scene.scene import Scene
 from ..scene.supports import Supports
 from ..validation import checked_count
+from .mesh_error import estimate_frequency_error
 from .method import FrameProgress
 from .result import Modes
 
@@ -191,7 +193,20 @@ class ModalMethod:
         """First ``scene.modes`` vibrations; see ``natural_modes`` for what may fail."""
         order = order or affordable_order(scene.mesh, LARGEST_MOVING)
         options = {"supports": scene.held, "order": order, "device": device}
-        return natural_modes(scene.mesh, scene.modes, **options)
+        modes = natural_modes(scene.mesh, scene.modes, **options)
+        if order == 1:
+            return modes
+        grid, material = discretise(scene.mesh, 2), material_of(scene.mesh)
+        held = node_supports(scene.held, grid.space)
+        matrix = constrained_stiffness(grid, material, held)
+        raised = BlockMatrix(matrix.rows, matrix.columns, start_warp().clone(matrix.values))
+        square = float((2 * np.pi * modes.frequencies[0]) ** 2)
+        mass = lumped_mass(scene.mesh, grid.space)
+        add_diagonal(raised, SHIFT * square * mass[:, None] * ~held.fixed)
+        known = {"points": grid.space.nodes, "fixed": held.fixed, "edges": grid.space.edges}
+        stiffness = Inverse(matrix.times, rough_factor(raised, **known).near)
+        error = estimate_frequency_error(scene.mesh, grid.space, held, stiffness, modes)
+        return replace(modes, error=error)
 
 
 METHOD = ModalMethod()
@@ -240,7 +255,7 @@ def _factored(
 def _lobpcg(problem: Vibrations, count: int) -> tuple[np.ndarray, np.ndarray]:
     """As ``_factored``, by iterating on a block of vectors with one V-cycle.
 
-    The cycle is that of K raised by a lumped mass, on the free unknowns.
+    The cycle is that of K raised by the mass, on the free unknowns.
     """
     from scipy.sparse import kron
     from scipy.sparse.linalg import LinearOperator, lobpcg
@@ -252,15 +267,10 @@ def _lobpcg(problem: Vibrations, count: int) -> tuple[np.ndarray, np.ndarray]:
     M = kron(problem.mass, np.eye(3), format="csr")[free][:, free]
     motions = problem.motions.reshape(free.size, -1)[free]
     start = np.random.default_rng(0).normal(size=(K.shape[0], count + 4))
-    space = problem.grid.space
-    matrix = linear_stiffness(problem.grid, material_of(problem.mesh))  # its own: it changes
-    apply_supports(matrix, problem.held.fixed, problem.held.springs)
-    raised = problem.slow * lumped_mass(problem.mesh, space)
-    add_diagonal(matrix, raised[:, None, None] * np.eye(3))
-    system = scale(matrix)
-    cycle = TwoLevel(system, space.nodes, problem.held.fixed)
+    system = scale(problem.stiffness(problem.slow))
+    cycle = TwoLevel(system, problem.grid.space.nodes, problem.held.fixed)
     r, z = cycle.r, cycle.z
-    launch = Recorder(matrix.nodes, r.device)
+    launch = Recorder(system.matrix.nodes, r.device)
     scaled = launch(k.block_multiply, [system.inverse, r, False, r])
     unscaled = launch(k.block_multiply, [system.inverse, z, True, z])
 
@@ -293,12 +303,11 @@ MOST_OPERATIONS = 1e12
 class ConstrainedInverse(NamedTuple):
     """``stiffness`` [N/m] with supports, and what ``solve`` finds for forces (nodes, 3) [N].
 
-    Those must be zero where it is held. ``exact``: by a factor, to round-off.
+    Those must be zero where it is held.
     """
 
     stiffness: BlockMatrix
     solve: Callable[[np.ndarray], np.ndarray]
-    exact: bool
 
 
 def constrained_inverse(
@@ -312,10 +321,10 @@ def constrained_inverse(
     plan = planned_elimination(matrix, space.edges)
     if plan.entries <= MOST_ENTRIES:
         if plan.operations <= MOST_OPERATIONS:
-            return ConstrainedInverse(matrix, cached_factor(matrix, plan).solve, True)
+            return ConstrainedInverse(matrix, cached_factor(matrix, plan).solve)
         if (factor := find_factor(matrix, plan)) is not None:
-            return ConstrainedInverse(matrix, factor.solve, True)
+            return ConstrainedInverse(matrix, factor.solve)
     if not rough:
         return None
     known = {"points": space.nodes, "fixed": held.fixed, "edges": space.edges}
-    return ConstrainedInverse(matrix, rough_inverse(matrix, tolerance=rough, **known), False)
+    return ConstrainedInverse(matrix, rough_inverse(matrix, tolerance=rough, **known))

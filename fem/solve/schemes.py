@@ -137,7 +137,7 @@ class Incremental:
         self.near: np.ndarray | None = None  # where friction's own Hessian is to be trusted
         known = ROUND_OFF * np.linalg.norm((self.inertia + body.rigidity) * target)
         self.least = max(body.noise, float(known) / body.tolerance)
-        self.loaded, self.sprung = _size(body.load), bool(body.held.springs.any())
+        self.loaded, self.sprung = length(body.load), bool(body.held.springs.any())
 
     def evaluate(self, u: np.ndarray) -> Point:
         """Energy, infinite on contact; gradient; size of the external and inertial force."""
@@ -146,7 +146,7 @@ class Incremental:
         if not np.isfinite(barrier):
             return Point(np.inf, np.full_like(u, np.inf), 0.0)
         elastic, push = of.response(u), self.inertia * away
-        gradient, sizes = elastic.force + push, [self.loaded, _size(push)]
+        gradient, sizes = elastic.force + push, [self.loaded, length(push)]
         energy = elastic.energy + barrier + 0.5 * float(np.vdot(push, away))
         energy -= float(np.vdot(of.load, u))
         gradient -= of.load
@@ -157,7 +157,7 @@ class Incremental:
             contact = np.zeros_like(u)
             of.contact.add_gradient(u, contact)
             gradient += contact
-            sizes.append(_size(contact))
+            sizes.append(length(contact))
         if of.damping:
             braked = of.damping.step(u, self.start, self.dt)
             energy, gradient = energy + braked.energy, gradient + braked.force
@@ -194,7 +194,7 @@ class DeviceIncremental:
     ) -> None:
         self.of, self.constants, self.factor = body, constants, factor
         self.target, self.diagonal, self.elastic = target, diagonal, 0.0
-        self.loaded = _size(body.load)
+        self.loaded = length(body.load)
 
     def evaluate(self, u: DeviceVector) -> Point:
         """Energy, gradient, and size of the external and inertial force."""
@@ -307,7 +307,3 @@ def nodal_rigidity(mesh: TetMesh, space: Space) -> Float[np.ndarray, "nodes 1"]:
     nodes, size = space.elements.ravel(), space.elements.shape[1]
     total = np.bincount(nodes, np.repeat(k, size), len(space.nodes))
     return (total / np.maximum(np.bincount(nodes, minlength=len(space.nodes)), 1))[:, None]
-
-
-def _size(v: np.ndarray) -> float:
-    return float(np.linalg.norm(v))

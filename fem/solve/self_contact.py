@@ -16,7 +16,8 @@ from ..errors import InputError
 from ..mesh import TetMesh, area_vectors, material_of, piece_names, point_components
 from ..note import Note
 
-# Barrier stiffness as a fraction of the softest E: stiff against the body, soft enough for Newton.
+# Barrier stiffness as a fraction of E, of the softest against itself: stiff against the body, which
+# is a thousand barrier thicknesses wide, and soft enough for Newton.
 STIFFNESS_SHARE = 0.1
 # What is near is looked for this many thicknesses further than the barrier acts, so that the list
 # holds until something has moved so far.

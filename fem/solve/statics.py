@@ -1,7 +1,4 @@
-"""Static linear elasticity: displacement, strain, stress and energy of a body at rest.
-
-With P1 or P2 tets, or with P1 tets and nodal pressures, for nearly incompressible materials.
-"""
+"""Static linear elasticity: displacement, strain, stress and energy of a body at rest."""
 
 from __future__ import annotations
 
@@ -12,16 +9,13 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from ..device import checked_device, single_threaded, start_warp
+from ..device import checked_device, single_threaded
 from ..elements.assembly import (
-    BlockMatrix,
     Discretisation,
     constrained_stiffness,
     discretise,
     keep_stiffness,
     node_supports,
-    reduced_load,
-    stiffness,
 )
 from ..elements.elastic import ElasticBody, displacement_gradients, strain_and_stress
 from ..elements.forces import load_vector
@@ -129,7 +123,7 @@ def solve_static(
         keep_stiffness(grid, material, held, matrix)
     u = np.where(held.fixed, prescribed, solution.x)
     result = static_result(mesh, body_law, u, load, held, solution.residual, solution.iterations)
-    return replace(result, solver=solution.solver)
+    return replace(result, solver=solution.solver, cycle=solution.cycle)
 
 
 def check_solution(mesh: TetMesh, held: Supports, solution: Solution, tolerance: float) -> None:
@@ -240,121 +234,3 @@ def nodal_stress(result: StaticResult) -> Float[np.ndarray, "points 3 3"]:
     total = np.bincount(ids, weight, len(mesh.points))
     mean = [np.bincount(ids, weight * s, len(mesh.points)) for s in stress.T]
     return (np.stack(mean, axis=1) / np.where(total > 0, total, 1.0)[:, None]).reshape(-1, 3, 3)
-
-
-# Tets around a node share a pressure where their first Lame parameters differ less than this
-# factor: a soft filling must not take the pressure of a stiff shell.
-SIMILAR = 3.0
-
-
-def nodal_pressures(mesh: TetMesh, lam: np.ndarray) -> tuple[Any, np.ndarray, np.ndarray]:
-    """Group the tets around every node by similar ``lam`` [Pa] and average their volume strain.
-
-    Maps displacements to the mean volume strain of every group (groups, 3 nodes); lam times volume
-    of every group [J]; group of every corner (tets, 4).
-    """
-    from scipy.sparse import csr_array
-
-    tets, volumes = mesh.tets.astype(np.int64), mesh.volumes
-    bucket = np.round(np.log(np.maximum(lam, 1e-300)) / np.log(SIMILAR)).astype(np.int64)
-    bucket -= bucket.min()
-    key = tets * (int(bucket.max()) + 1) + bucket[:, None]
-    group = np.unique(key, return_inverse=True)[1].reshape(-1, 4)
-    quarter = np.repeat(volumes / 4, 4)
-    total = np.bincount(group.ravel(), quarter)
-    stiff = np.bincount(group.ravel(), quarter * np.repeat(lam, 4))
-    # Row of a tet: its volume strain, sum over corners of grad lambda_a . u_a.
-    corner = mesh.points[tets]
-    edges = corner[:, 1:] - corner[:, :1]
-    gradients = np.linalg.inv(edges).transpose(0, 2, 1)
-    gradients = np.concatenate([-gradients.sum(axis=1, keepdims=True), gradients], axis=1)
-    columns = (3 * tets[:, :, None] + np.arange(3)).reshape(len(tets), 12)
-    starts = np.arange(len(tets) + 1) * 12
-    size = (len(tets), 3 * len(mesh.points))
-    divergence = csr_array((gradients.ravel(), columns.ravel(), starts), shape=size)
-    weight = quarter / total[group.ravel()]
-    owner = np.repeat(np.arange(len(tets)), 4)
-    average = csr_array((weight, (group.ravel(), owner)), shape=(len(total), len(tets)))
-    return average @ divergence, stiff, group
-
-
-def solve_averaged(
-    mesh: TetMesh,
-    supports: Supports,
-    *,
-    gravity_vector: Sequence[float] | np.ndarray = (0.0, 0.0, 0.0),
-    body=None,
-    traction=(),
-    forces: np.ndarray | None = None,
-    device: str = "cpu",
-    tolerance: float = TOLERANCE,
-) -> StaticResult:
-    """Solve as ``solve_static`` with order 1, the volume strain averaged around every node.
-
-    One constraint a node instead of one a tet: P1 tets do not lock as nu -> 0.5 (Bonet & Burton
-    1998). The pressure in ``stress`` is the averaged one.
-
-    Parameters
-    ----------
-    mesh, supports, gravity_vector, body, traction, forces, device, tolerance
-        As in ``solve_static``: metres, m/s^2, N/m^3, Pa and N.
-
-    Returns
-    -------
-    StaticResult
-        Displacement [m], strain [1], stress [Pa] and reactions [N].
-
-    Raises
-    ------
-    InputError
-        If the mesh has no material, or an array has the wrong shape.
-    ConvergenceError
-        If the body is not held, or the tolerance was not reached.
-
-    Examples
-    --------
-    >>> from autophyx_tet.fem import ElementMaterial, Supports, box_mesh, solve_averaged
-    >>> block = box_mesh((1, 1, 1), (1, 1, 1))
-    >>> block = block.with_material(ElementMaterial.uniform(6, E=1e6, nu=0.0, rho=1e3))
-    >>> bottom, top = block.points[:, 2] == 0, block.points[:, 2] == 1
-    >>> rest = solve_averaged(block, Supports.clamp(8, bottom).with_fixed(top, 2, 0.01))
-    >>> round(float(rest.reaction[top, 2].sum()), 3)  # N: E A e
-    10000.0
-    """
-    material = material_of(mesh)
-    loads = {"gravity_vector": gravity_vector, "body": body, "traction": traction, "forces": forces}
-    grid, held, load = discrete_problem(mesh, supports, order=1, device=device, **loads)
-    lam, mu = material.lame
-    mean, volumetric, group = nodal_pressures(mesh, lam)
-    shear = stiffness(grid, np.zeros_like(mu), mu).to_scipy()
-    whole = (shear + mean.T @ (mean * volumetric[:, None])).tobsr(blocksize=(3, 3))
-    whole.sort_indices()
-    wp = start_warp()
-    rows, columns = (
-        wp.array(a, dtype=wp.int32, device=grid.device) for a in (whole.indptr, whole.indices)
-    )
-    matrix, kept = (  # supports change the first
-        BlockMatrix(rows, columns, wp.array(whole.data, dtype=wp.mat33d, device=grid.device))
-        for _ in range(2)
-    )
-    prescribed = np.where(held.fixed, held.values, 0.0)
-    rhs = reduced_load(matrix, load, held, prescribed)
-    nodes = grid.space.nodes
-    solution = solve_system(matrix, rhs, points=nodes, fixed=held.fixed, tolerance=tolerance)
-    check_solution(mesh, held, solution, tolerance)
-    u = np.where(held.fixed, prescribed, solution.x)
-    plain = static_result(
-        mesh, ElasticBody(grid, material, Law.LINEAR), u, load, held,
-        solution.residual, solution.iterations,
-    )  # fmt: skip
-    internal = kept.times(u)
-    H = displacement_gradients(grid, u, CENTROID)[:, 0]
-    volume_strain = (mean @ u.reshape(-1))[group].mean(axis=1)
-    lift = lam * (volume_strain - np.trace(H, axis1=1, axis2=2))
-    return replace(
-        plain,
-        stress=plain.stress + lift[:, None, None] * np.eye(3),
-        reaction=np.where(held.fixed, internal - load, 0.0) - held.springs * u,
-        energy=float((u * internal).sum() / 2),
-        averaged=True,
-    )

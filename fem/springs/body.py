@@ -11,13 +11,13 @@ from jaxtyping import Float, Int
 from ..elements.assembly import discretise
 from ..elements.forces import load_vector
 from ..errors import UsageError
-from ..mesh import face_areas, material_of
+from ..mesh import face_areas, material_of, point_components
 from ..note import Note
 from ..scene.obstacles import Plane
 from ..scene.scene import Scene
 from ..solve.result import Motion
 from .motion import AnchorLoads, SpringMotion, SurfaceContact, network_frequencies
-from .network import CAUCHY_NU, Anchors, LineOfSight, SpringNetwork, body_of_points, sample_anchors
+from .network import CAUCHY_NU, Anchors, LineOfSight, SpringNetwork, sample_anchors
 
 # A network has nu = 1/4: what is further from it than this is said.
 NEAR_NU = 0.05
@@ -50,7 +50,7 @@ class SpringBody:
     asked: int
 
     def motion(
-        self, stiffness: Float[np.ndarray, "springs"], *, dashpot: float = 0.0, device: str = "cpu"
+        self, stiffness: Float[np.ndarray, "springs"], *, dashpot: float = 0.0
     ) -> SpringMotion:
         """Motion from the start, with springs of ``stiffness`` [N/m] and ``dashpot`` [s] of it."""
         mesh, anchors = self.scene.mesh, self.network.anchors
@@ -67,7 +67,6 @@ class SpringBody:
             loads=self.loads,
             contact=self.contact,
             velocity=np.broadcast_to(velocity, anchors.x.shape).copy(),
-            device=device,
         )
 
     def displacement(self, x: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "points 3"]:
@@ -119,7 +118,7 @@ def spring_body(
     surface = LineOfSight(mesh.points, faces)
     placed = sample_anchors(mesh, anchors, supports=scene.held, surface=surface, seed=seed)
     network = SpringNetwork.of(placed, neighbours, surface)
-    weights = interpolation(mesh.points, body_of_points(mesh), placed, surface)
+    weights = interpolation(mesh.points, point_components(mesh), placed, surface)
     diagonal = float(np.linalg.norm(np.ptp(mesh.bounds, axis=0)))
     # Weight, tractions and forces of the scene on its anchors, and springs to the ground
     space = discretise(mesh, 1)

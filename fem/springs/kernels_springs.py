@@ -1,9 +1,8 @@
 # type: ignore  (warp code: its types are warp's, not Python's)
 """Warp kernels of spring networks: sight, what planes push, what springs pull, and the step.
 
-On a GPU every anchor gathers its own springs: a spring is evaluated from both ends with the very
-same numbers but for their signs, so that the forces of a pair cancel to the last bit. On a CPU one
-thread takes each of them once, and its force with either sign.
+One thread takes every spring once, and its force with either sign, so that the forces of a pair
+cancel to the last bit; all steps of a chunk are one launch, which costs as much as many springs.
 """
 
 import warp as wp
@@ -11,10 +10,7 @@ import warp as wp
 
 @wp.struct
 class Springs:
-    """Springs by anchor, ``first`` ... (anchors + 1): far end, stiffness, length, dashpot.
-
-    ``share`` of a spring [1] is that of an entry: 1 where each has one, 1/2 where both its ends do.
-    """
+    """Springs by anchor, ``first`` ... (anchors + 1): far end, stiffness, length, dashpot."""
 
     first: wp.array(dtype=int)
     other: wp.array(dtype=int)
@@ -25,24 +21,19 @@ class Springs:
     ground: wp.array(dtype=wp.vec3d)
     inverse_mass: wp.array(dtype=wp.vec3d)
     rest: wp.array(dtype=wp.vec3d)
-    share: wp.float64
 
 
 @wp.struct
 class Contacts:
     """Points of the surface, the anchors that they follow, and planes that they meet.
 
-    By point: ``first``, ``anchor``, ``weight``; by anchor: ``back``, ``point``, ``share``. Planes
-    have a ``place`` and a ``speed``; a point is pushed from ``reach`` on, with ``stiffness``, and
-    is rubbed with at most ``grip`` [N s/m].
+    By point: ``first``, ``anchor``, ``weight``. Planes have a ``place`` and a ``speed``; a point is
+    pushed from ``reach`` on, with ``stiffness``, and is rubbed with at most ``grip`` [N s/m].
     """
 
     first: wp.array(dtype=int)
     anchor: wp.array(dtype=int)
     weight: wp.array(dtype=wp.float64)
-    back: wp.array(dtype=int)
-    point: wp.array(dtype=int)
-    share: wp.array(dtype=wp.float64)
     rest: wp.array(dtype=wp.vec3d)
     stiffness: wp.array(dtype=wp.float64)
     grip: wp.array(dtype=wp.float64)
@@ -93,32 +84,13 @@ def push_of(p: int, contacts: Contacts, now: Now, time: wp.float64, dt: wp.float
 
 
 @wp.func
-def outer_force(i: int, springs: Springs, now: Now):
-    """Force of loads and ground [N] on an anchor."""
-    return springs.load[i] - wp.cw_mul(springs.ground[i], now.x[i] - springs.rest[i])
-
-
-@wp.func
-def spring_force(e: int, x: wp.vec3d, v: wp.vec3d, springs: Springs, now: Now):
-    """Force of a spring [N] on its near end, which is at ``x`` with ``v``."""
-    j = springs.other[e]
-    d = now.x[j] - x
-    length = wp.length(d)
-    pull = springs.stiffness[e] * (length - springs.length[e])
-    c = springs.dashpot[e]
-    if c > wp.float64(0.0):
-        pull += c * wp.dot(now.v[j] - v, d) / length
-    return (pull / length) * d
-
-
-@wp.func
 def accelerate(counted: wp.float64, springs: Springs, contacts: Contacts, now: Now):
     """Accelerations of all anchors in one thread; impulses of planes count so many times dt."""
     for p in range(contacts.rest.shape[0]):
         now.push[p] = push_of(p, contacts, now, now.clock[0], counted * now.clock[1])
     count = now.x.shape[0]
     for i in range(count):
-        now.a[i] = outer_force(i, springs, now)
+        now.a[i] = springs.load[i] - wp.cw_mul(springs.ground[i], now.x[i] - springs.rest[i])
     for p in range(contacts.rest.shape[0]):
         for e in range(contacts.first[p], contacts.first[p + 1]):
             now.a[contacts.anchor[e]] += contacts.weight[e] * now.push[p]
@@ -126,70 +98,30 @@ def accelerate(counted: wp.float64, springs: Springs, contacts: Contacts, now: N
         x, v = now.x[i], now.v[i]
         total = wp.vec3d()
         for e in range(springs.first[i], springs.first[i + 1]):
-            force = spring_force(e, x, v, springs, now)
+            j = springs.other[e]
+            d = now.x[j] - x
+            length = wp.length(d)
+            pull = springs.stiffness[e] * (length - springs.length[e])
+            c = springs.dashpot[e]
+            if c > wp.float64(0.0):
+                pull += c * wp.dot(now.v[j] - v, d) / length
+            force = (pull / length) * d
             total += force
-            now.a[springs.other[e]] -= force
+            now.a[j] -= force
         now.a[i] += total
     for i in range(count):
         now.a[i] = wp.cw_mul(springs.inverse_mass[i], now.a[i])
 
 
 @wp.kernel(enable_backward=False)
-def meet(contacts: Contacts, now: Now, counted: wp.float64):
-    """Forces of the planes on the points of the surface; their impulses count so many times."""
-    p = wp.tid()
-    now.push[p] = push_of(p, contacts, now, now.clock[0], counted * now.clock[1])
-
-
-@wp.kernel(enable_backward=False)
-def pull(springs: Springs, contacts: Contacts, now: Now):
-    """Accelerations of the anchors."""
-    i = wp.tid()
-    force = outer_force(i, springs, now)
-    for e in range(springs.first[i], springs.first[i + 1]):
-        force += spring_force(e, now.x[i], now.v[i], springs, now)
-    if contacts.back.shape[0] > 0:
-        for e in range(contacts.back[i], contacts.back[i + 1]):
-            force += contacts.share[e] * now.push[contacts.point[e]]
-    now.a[i] = wp.cw_mul(springs.inverse_mass[i], force)
-
-
-@wp.kernel(enable_backward=False)
-def hold(springs: Springs, now: Now, energy: wp.array(dtype=wp.float64)):
-    """Elastic energy [J] of the springs of every anchor."""
-    i = wp.tid()
-    away = now.x[i] - springs.rest[i]
-    twice = wp.dot(springs.ground[i], wp.cw_mul(away, away))
-    for e in range(springs.first[i], springs.first[i + 1]):
-        stretch = wp.length(now.x[springs.other[e]] - now.x[i]) - springs.length[e]
-        twice += springs.share * springs.stiffness[e] * stretch * stretch
-    energy[i] = wp.float64(0.5) * twice
-
-
-@wp.kernel(enable_backward=False)
-def move(now: Now):
-    """Symplectic Euler: v += dt a, x += dt v."""
-    i = wp.tid()
-    dt = now.clock[1]
-    now.v[i] += dt * now.a[i]
-    now.x[i] += dt * now.v[i]
-
-
-@wp.kernel(enable_backward=False)
-def tick(now: Now):
-    """Advance the clock."""
-    now.clock[0] += now.clock[1]
-
-
-@wp.kernel(enable_backward=False)
-def balance(counted: wp.float64, springs: Springs, contacts: Contacts, now: Now):
-    """As ``meet`` and ``pull``, in one thread."""
-    accelerate(counted, springs, contacts, now)
+def balance(springs: Springs, contacts: Contacts, now: Now):
+    """Accelerations where the anchors are now; no time passes."""
+    accelerate(wp.float64(0.0), springs, contacts, now)
 
 
 @wp.kernel(enable_backward=False)
 def follow(steps: int, springs: Springs, contacts: Contacts, now: Now):
-    """Take ``steps`` steps in one thread: on a CPU a launch costs as much as many springs."""
+    """Take ``steps`` steps of symplectic Euler: v += dt a, x += dt v."""
     dt = now.clock[1]
     for _step in range(steps):
         accelerate(wp.float64(1.0), springs, contacts, now)

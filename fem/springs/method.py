@@ -62,19 +62,21 @@ class SpringMethod:
     ) -> MotionResult:
         """Follow the scene for its duration.
 
-        Raises UsageError: Where an obstacle is no plane, the run would take hours, or a ``law`` or
-            an ``order`` is asked for: these are for elements.
+        Raises UsageError: Where an obstacle is no plane, the run would take hours, a GPU is asked
+            for, or a ``law`` or an ``order``: these are for elements.
         Raises ConvergenceError: Where the steps turn out unstable.
         """
         if law is not None or order is not None:
             raise UsageError("method.springs_elements")
+        if device != "cpu":
+            raise UsageError("method.springs_device")
         body = spring_body(scene, self.anchors, self.neighbours, seed=self.seed)
         frames = checked_count("frames", scene.frames)
         dt = checked_positive("duration", scene.duration, "s") / frames
-        motion = body.motion(self.stiffness(body), dashpot=self.dashpot, device=device)
+        motion = body.motion(self.stiffness(body), dashpot=self.dashpot)
         springs, steps = len(motion.network.i), motion.steps_for(scene.duration)
         seconds = 2 * COST * springs * steps
-        if seconds > PATIENCE and device == "cpu":
+        if seconds > PATIENCE:
             raise UsageError(
                 "method.springs_stiff",
                 longest_step=motion.longest_step,
@@ -83,8 +85,7 @@ class SpringMethod:
             )
         count = len(motion.network.anchors.x)
         plan = Note("method.anchors_springs", count=count, springs=springs, steps=steps)
-        if device == "cpu":
-            plan = f"{plan}: some {seconds:,.0f} s"
+        plan = f"{plan}: some {seconds:,.0f} s"
         if self.announce is not None:
             self.announce(plan)
         states = [body.state(motion, 0.0)]

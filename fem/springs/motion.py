@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from ..device import checked_device, start_warp
+from ..device import start_warp
 from ..elements.assembly import BlockMatrix
 from ..errors import ConvergenceError, InputError
 from ..linalg.cholesky import CholeskyFactor, planned_elimination
@@ -25,8 +25,6 @@ IN_CONTACT = 0.5
 # much in the fastest vibration. Rounding is worth this fraction of its stiffness times length
 # squared.
 EXCESS, ROUNDING = 10.0, 1e-20
-# Steps of one launch on a GPU.
-CHUNK = 32
 
 
 @dataclass(eq=False, kw_only=True)
@@ -34,7 +32,7 @@ class SpringMotion:
     """A network in motion from rest, or from a ``velocity`` [m/s].
 
     Springs have a ``stiffness`` [N/m] and, for a speed of their ends, a ``dashpot`` [N s/m];
-    ``loads`` act on the anchors, ``contact`` pushes the surface. ``device`` is 'cpu' or 'cuda'.
+    ``loads`` act on the anchors, ``contact`` pushes the surface.
     """
 
     network: SpringNetwork
@@ -43,13 +41,10 @@ class SpringMotion:
     loads: AnchorLoads | None = None
     contact: SurfaceContact | None = None
     velocity: Float[np.ndarray, "n 3"] | None = None
-    device: str = "cpu"
     steps: int = field(default=0, init=False)
 
     def __post_init__(self) -> None:
         anchors = self.network.anchors
-        checked_device(self.device)
-        self._alone = self.device == "cpu"  # one thread takes every spring once, for both its ends
         heavy = anchors.mass > 0
         inverse = np.where(heavy, 1 / np.where(heavy, anchors.mass, 1.0), 0.0)
         self.inverse_mass = np.where(anchors.fixed, 0.0, inverse[:, None])
@@ -86,7 +81,7 @@ class SpringMotion:
         """Springs, contacts and the state as structs of warp."""
         from . import kernels_springs as k
 
-        wp, device = start_warp(), self.device
+        wp, device = start_warp(), "cpu"
 
         def ints(values: np.ndarray) -> Any:
             return wp.array(np.asarray(values, dtype=np.int32), dtype=int, device=device)
@@ -100,41 +95,25 @@ class SpringMotion:
         net, anchors = self.network, self.network.anchors
         start = anchors.x + np.where(anchors.fixed, anchors.values, 0.0)
         velocity = np.zeros_like(start) if self.velocity is None else self.velocity
-        ends, far = net.i, net.j
-        if not self._alone:
-            ends, far = np.concatenate([net.i, net.j]), np.concatenate([net.j, net.i])
-        order = np.argsort(ends, kind="stable")
-        ordered = lambda values: np.resize(values, len(ends))[order]  # noqa: E731
+        order = np.argsort(net.i, kind="stable")
         dashpot = np.zeros_like(self.stiffness) if self.dashpot is None else self.dashpot
         loads = self.loads or AnchorLoads(force=0 * start, ground=0 * start)
         springs = self._springs = k.Springs()
-        springs.first = ints(
-            np.concatenate([[0], np.cumsum(np.bincount(ends, minlength=len(start)))])
-        )
-        springs.other = ints(far[order])
-        springs.stiffness, springs.length = (
-            reals(ordered(self.stiffness)),
-            reals(ordered(net.length)),
-        )
-        springs.dashpot = reals(ordered(dashpot))
+        springs.first = ints(np.searchsorted(net.i[order], np.arange(len(start) + 1)))
+        springs.other, springs.dashpot = ints(net.j[order]), reals(dashpot[order])
+        springs.stiffness, springs.length = reals(self.stiffness[order]), reals(net.length[order])
         springs.load, springs.ground = vectors(loads.force), vectors(loads.ground)
         springs.inverse_mass, springs.rest = vectors(self.inverse_mass), vectors(anchors.x)
-        springs.share = wp.float64(len(net.i) / max(len(ends), 1))
-        self._energies = reals(np.zeros(len(start)))
 
         contact, contacts = self.contact, k.Contacts()
         self._contacts, points, planes = contacts, 0, 0
         if contact is not None:
             points, planes = len(contact.points), len(contact.planes)
-            rows, back = contact.weights.tocsr(), contact.weights.T.tocsr()
+            rows, stiffness = contact.weights.tocsr(), contact.stiffness
             contacts.first, contacts.anchor = ints(rows.indptr), ints(rows.indices)
-            contacts.back, contacts.point = ints(back.indptr), ints(back.indices)
-            contacts.weight, contacts.share = reals(rows.data), reals(back.data)
+            contacts.weight = reals(rows.data)
             contacts.rest = vectors(contact.points - contact.weights @ anchors.x)
-            contacts.stiffness, contacts.grip = (
-                reals(contact.stiffness),
-                reals(0 * contact.stiffness),
-            )
+            contacts.stiffness, contacts.grip = reals(stiffness), reals(0 * stiffness)
             normals = np.array([plane.normal for plane in contact.planes], dtype=float)
             contacts.normal = vectors(normals / np.linalg.norm(normals, axis=1, keepdims=True))
             contacts.place = vectors(np.array([p.point for p in contact.planes], dtype=float))
@@ -162,7 +141,10 @@ class SpringMotion:
     @property
     def a(self) -> Float[np.ndarray, "n 3"]:
         """Accelerations of the anchors [m/s^2] where they are now."""
-        self._launch_forces(0.0)
+        from . import kernels_springs as k
+
+        inputs = [self._springs, self._contacts, self._now]
+        start_warp().launch(k.balance, 1, inputs=inputs, device="cpu")
         return self._now.a.numpy().copy()
 
     @property
@@ -173,11 +155,11 @@ class SpringMotion:
     @property
     def elastic(self) -> float:
         """Elastic energy of the springs [J]."""
-        from . import kernels_springs as k
-
-        wp, inputs = start_warp(), [self._springs, self._now, self._energies]
-        wp.launch(k.hold, self._now.x.shape[0], inputs=inputs, device=self.device)
-        return float(self._energies.numpy().sum())
+        network, x, square = self.network, self.x, 0.0
+        stretch = np.linalg.norm(x[network.j] - x[network.i], axis=1) - network.length
+        if self.loads is not None:
+            square = float((self.loads.ground * (x - network.anchors.x) ** 2).sum())
+        return 0.5 * (float(self.stiffness @ stretch**2) + square)
 
     def take_impulses(self) -> Float[np.ndarray, "points planes 3"]:
         """Momentum [N s] that every plane gave every point of the surface since asked last."""
@@ -201,24 +183,7 @@ class SpringMotion:
         if self.contact is not None:
             self._contacts.grip.assign(self.contact.grip(self.inverse_mass.max(axis=1), dt))
         state = [self._springs, self._contacts, self._now]
-
-        def step() -> None:
-            self._launch_forces(1.0)
-            wp.launch(k.move, self._now.x.shape[0], inputs=state[2:], device=self.device)
-            wp.launch(k.tick, 1, inputs=state[2:], device=self.device)
-
-        if self._alone:
-            wp.launch(k.follow, 1, inputs=[count, *state], device="cpu")
-        else:
-            whole, rest = divmod(count, CHUNK)
-            if whole:
-                with wp.ScopedCapture(device=self.device) as capture:
-                    for _ in range(CHUNK):
-                        step()
-                for _ in range(whole):
-                    wp.capture_launch(capture.graph)
-            for _ in range(rest):
-                step()
+        wp.launch(k.follow, 1, inputs=[count, *state], device="cpu")
         self.steps += count
         # Raise where the energy cannot come from the start, the loads and what planes `pushed`
         with np.errstate(over="ignore", invalid="ignore"):
@@ -248,20 +213,6 @@ class SpringMotion:
         """How many steps ``duration`` [s] takes."""
         fraction = SAFE if self.contact is None else IN_CONTACT
         return max(1, int(np.ceil(duration / (fraction * self.longest_step))))
-
-    def _launch_forces(self, counted: float) -> None:
-        """Accelerations at the positions; impulses of planes count for so many steps."""
-        from . import kernels_springs as k
-
-        wp, device, counts = start_warp(), self.device, start_warp().float64(counted)
-        springs, contacts, now = self._springs, self._contacts, self._now
-        if self._alone:
-            wp.launch(k.balance, 1, inputs=[counts, springs, contacts, now], device=device)
-            return
-        if self.contact is not None:
-            size = now.push.shape[0]
-            wp.launch(k.meet, size, inputs=[contacts, now, counts], device=device)
-        wp.launch(k.pull, now.x.shape[0], inputs=[springs, contacts, now], device=device)
 
 
 # What meets a network from outside: loads of its anchors, planes against its surface.
@@ -317,6 +268,7 @@ def network_frequencies(
 
     Without anything held, the six rigid motions are left out.
     """
+    from scipy.sparse import diags_array
     from scipy.sparse.linalg import LinearOperator, eigsh
 
     anchors, wp = network.anchors, start_warp()
@@ -325,16 +277,16 @@ def network_frequencies(
     if count + skipped >= free.sum():
         raise InputError("motion.frequencies_unknowns", count=count, count_2=free.sum())
     heavy = np.where(anchors.mass > 0, anchors.mass, np.inf)
-    root, pattern = free / np.sqrt(heavy)[:, None], network.pattern
-    row = np.repeat(np.arange(len(root)), np.diff(pattern.rows.numpy()))
-    blocks = network.blocks(stiffness) * root[row][:, :, None]
-    blocks *= root[pattern.columns.numpy()][:, None]
-    middle = blocks[pattern.own][:, [0, 1, 2], [0, 1, 2]]
-    typical = float(middle[free].mean())
+    root = diags_array((free / np.sqrt(heavy)[:, None]).ravel())
+    scaled = root @ network.matrix(stiffness) @ root
+    typical = float(scaled.diagonal()[free.ravel()].mean())
     shift = SHIFT * typical
-    blocks[pattern.own] += np.where(free, shift, typical)[:, None] * np.eye(3)
-    values = wp.array(blocks, dtype=wp.mat33d, device="cpu")
-    matrix = BlockMatrix(pattern.rows, pattern.columns, values)
+    shifted = scaled + diags_array(np.where(free, shift, typical).ravel())
+    blocks = shifted.tobsr((3, 3)).sorted_indices()
+    rows, columns = (
+        wp.array(a, dtype=wp.int32, device="cpu") for a in (blocks.indptr, blocks.indices)
+    )
+    matrix = BlockMatrix(rows, columns, wp.array(blocks.data, dtype=wp.mat33d, device="cpu"))
     factor = CholeskyFactor(matrix, planned_elimination(matrix))
 
     def inverse(x: np.ndarray) -> np.ndarray:

@@ -9,14 +9,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ..device import start_warp
 from ..errors import InputError
-from ..mesh import FACES, TetMesh, boundary_faces, face_areas, material_of
+from ..mesh import FACES, TetMesh, boundary_faces, face_areas, material_of, point_components
 from ..scene.supports import Supports
 
 # Poisson's ratio of a network of central forces that is alike in all directions.
@@ -157,52 +157,17 @@ class SpringNetwork:
         series = 4 * (a / (a + b)) * (b / (a + b))  # harmonic over arithmetic mean: halves in a row
         return series * (k[self.i] * at_i + k[self.j] * at_j) / (2 * self.length)
 
-    @cached_property
-    def pattern(self) -> BlockPattern:
-        """Where the blocks of the stiffness matrix are; kept, and with it what is planned on it."""
-        wp, count = start_warp(), len(self.anchors.x)
-        diagonal = np.arange(count)
-        row = np.concatenate([diagonal, self.i, self.j])
-        keys, slot = np.unique(
-            row * count + np.concatenate([diagonal, self.j, self.i]), return_inverse=True
-        )
-        rows = np.concatenate([[0], np.cumsum(np.bincount(keys // count, minlength=count))])
-        ends = (count, count + len(self.i))
-        ints = (wp.array(a, dtype=wp.int32, device="cpu") for a in (rows, keys % count))
-        return BlockPattern(*ints, *np.split(slot, ends))
-
-    def blocks(self, stiffness: Float[np.ndarray, "springs"]) -> Float[np.ndarray, "blocks 3 3"]:
-        """Blocks of the stiffness matrix [N/m] at rest, as ``pattern`` has them."""
-        pattern, count = self.pattern, len(self.anchors.x)
-        each = stiffness[:, None, None] * self.direction[:, :, None] * self.direction[:, None]
-        out = np.empty((pattern.columns.shape[0], 3, 3))
-        out[pattern.above] = out[pattern.below] = -each
-        ends = np.concatenate([self.i, self.j])
-        for k, m in np.ndindex(3, 3):
-            out[pattern.own, k, m] = np.bincount(ends, np.tile(each[:, k, m], 2), count)
-        return out
-
     def matrix(self, stiffness: Float[np.ndarray, "springs"]) -> Any:
-        """Stiffness matrix [N/m] at rest, (3 n, 3 n) ``scipy.sparse.bsr_array``."""
-        from scipy.sparse import bsr_array
+        """Stiffness matrix [N/m] at rest, (3 n, 3 n) ``scipy.sparse.csr_array``: B^T k B."""
+        from scipy.sparse import csr_array
 
-        size = (3 * len(self.anchors.x),) * 2
-        place = (self.pattern.columns.numpy(), self.pattern.rows.numpy())
-        return bsr_array((self.blocks(stiffness), *place), shape=size)
-
-
-class BlockPattern(NamedTuple):
-    """Compressed ``rows`` and ``columns`` (warp) of blocks, and where those of springs stand.
-
-    Places of the blocks of every anchor's ``own``, and ``above`` and ``below`` the diagonal of
-    every spring.
-    """
-
-    rows: Any
-    columns: Any
-    own: np.ndarray
-    above: np.ndarray
-    below: np.ndarray
+        count, ends = len(self.i), np.stack([self.i, self.j], axis=1)
+        columns = (3 * ends[:, :, None] + np.arange(3)).ravel()
+        stretch = np.concatenate([-self.direction, self.direction], axis=1).ravel()
+        rows = 6 * np.arange(count + 1)
+        B = csr_array((stretch, columns, rows), shape=(count, 3 * len(self.anchors.x)))
+        kB = csr_array((stretch * np.repeat(stiffness, 6), columns, rows), shape=B.shape)
+        return (B.T @ kB).tocsr()
 
 
 # Anchors: points in the tets that stand for the matter around them, and points that are held.
@@ -304,7 +269,7 @@ def sample_anchors(
     E = np.where(volume > 0, np.exp(log_E / full), np.median(material.E))
     some = np.zeros(total, dtype=np.int64)
     some[owner[::-1]] = tet[::-1]
-    body = body_of_points(mesh)[mesh.tets[some, 0]]
+    body = point_components(mesh)[mesh.tets[some, 0]]
     stays = (volume > 0) | (np.arange(total) < len(fixed_x))
     x, part = np.concatenate(positions)[stays], np.concatenate(part)[stays]
 
@@ -385,17 +350,6 @@ def _random_points(mesh: TetMesh, tet: np.ndarray, rng: np.random.Generator) -> 
     return np.einsum("na,nai->ni", weights, mesh.points[mesh.tets[tet]])
 
 
-def body_of_points(mesh: TetMesh) -> Int[np.ndarray, "points"]:
-    """What every point hangs together with, through common tets."""
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-
-    a, b = np.repeat(mesh.tets[:, 0], 3), mesh.tets[:, 1:].ravel()
-    size = (len(mesh.points),) * 2
-    graph = coo_array((np.ones(len(a), dtype=np.int8), (a, b)), shape=size)
-    return connected_components(graph, directed=False)[1].astype(np.int64)
-
-
 # What of a body sees what: segments that leave its tets, and depths below its surface.
 
 # Ends of a segment may lie on the surface: this fraction [1] of its length is not looked at there.
@@ -454,7 +408,7 @@ SOFTEST, STIFFEST = 20.0, -20.0
 def eta_for_ratio(network: SpringNetwork, ratio: float) -> float:
     """Eta whose network is ``ratio`` [1] times as stiff as its softest, all k the same.
 
-    By bisection on the sum of k w l; ratios out of reach give the nearer end.
+    By the sum of k w l; ratios out of reach give the nearer end.
     """
     k = network.calibrated(SOFTEST)
 
@@ -462,15 +416,14 @@ def eta_for_ratio(network: SpringNetwork, ratio: float) -> float:
         return float(np.log(network.stiffness(eta, k=k) @ network.length**2))
 
     target = np.log(ratio) + log_stiffness(SOFTEST)
-    low, high = STIFFEST, SOFTEST
-    if target >= log_stiffness(low):
-        return low
-    if target <= log_stiffness(high):
-        return high
-    while high - low > 1e-12 * SOFTEST:
-        middle = (low + high) / 2
-        low, high = (middle, high) if log_stiffness(middle) > target else (low, middle)
-    return (low + high) / 2
+    if target >= log_stiffness(STIFFEST):
+        return STIFFEST
+    if target <= log_stiffness(SOFTEST):
+        return SOFTEST
+    from scipy.optimize import brentq
+
+    root: Any = brentq(lambda eta: log_stiffness(eta) - target, STIFFEST, SOFTEST, xtol=1e-11)
+    return root
 
 
 def stiffened(

@@ -14,7 +14,7 @@ from ..asset import Asset, UpAxis, upright
 from ..encoders import ImageEncoder, load_encoder
 from ..encoders.registry import Encoder
 from ..grid import Grid, PartVoxels
-from ..text.hearing import bare_words
+from ..text.parts import bare_words
 from .lifting import Method, Rays, lift, ray_weights
 from .surface import gloss_of, opaque_density, random_points, skin_of, surface_voxels
 from .views import PIXELS, Camera, Views, hemisphere, render_views
@@ -147,14 +147,9 @@ def features_of_views(
     ``voxels`` says which part is in every cell of the surface; None is one part without a name.
     """
     encoder = load_encoder(encoder) if isinstance(encoder, str) else encoder
-    lifted = lift(
-        encoder.dense(pictures.images()),
-        pictures.cameras,
-        density,
-        grid,
-        opacity=pictures.opacity,
-        method=method,
-    )
+    seen_by, cover = pictures.cameras, pictures.opacity
+    vectors = encoder.dense(pictures.images())
+    lifted = lift(vectors, seen_by, density, grid, opacity=cover, method=method)
     surface = density > 0
     if voxels is None:
         voxels = PartVoxels(grid, np.where(surface, 0, -1), ("object",), ((),))

@@ -16,12 +16,12 @@ from ..appearance.features import Appearance
 from ..asset import UpAxis
 from ..encoders.registry import TextEncoder
 from ..field import MaterialField
+from ..film.words import hear
 from ..grid import PartVoxels
 from ..partition import Partition, match_clauses, partition
 from ..prediction import Binding, PartChoice, Prediction, field_of, unbound_by
 from ..resolve.resolve import Lookup, lookup_of, nearest_row
 from ..text.clauses import Sentence, bind
-from ..text.hearing import EncodedSentence, hear
 from .inference import FilmModel, Inference
 
 
@@ -67,7 +67,7 @@ class FilmPredictor:
         there = set(np.unique(parts.part).tolist())
         left_open = [i for i, choice in enumerate(choices) if not choice.settled and i in there]
         seen = appearance() if appearance else None
-        heard = hear(EncodedSentence.of(sentence), parts.part_labels, self.table, self.model.words)
+        heard = hear(sentence, parts.part_labels, self.table, self.model.words)
         found = self.model.infer(parts, heard, up=up, appearance=seen)
         if found.of_pieces:  # the text speaks of more parts than there are
             pieces = partition(parts, left_open, found.shares, found.clauses)
@@ -76,19 +76,15 @@ class FilmPredictor:
             pieces = Partition(parts, tuple(range(len(owners))), owners)
         decided = [
             replace(choices[parent], part=name)
-            if parent not in left_open
-            else self._choose(
-                replace(choices[parent], part=name), found, pieces.parts.part == i, owner
-            )
-            for i, (name, parent, owner) in enumerate(
-                zip(pieces.parts.part_names, pieces.parents, pieces.owners, strict=True)
-            )
+            for parent, name in zip(pieces.parents, pieces.parts.part_names, strict=True)
         ]
+        for i, (parent, owner) in enumerate(zip(pieces.parents, pieces.owners, strict=True)):
+            if parent in left_open:
+                decided[i] = self._choose(decided[i], found, pieces.parts.part == i, owner)
         # The choices' values, and the network's own cell by cell where it decided alone
         field = field_of(pieces.parts, decided)
-        learned = np.isin(
-            pieces.parts.part, [i for i, choice in enumerate(decided) if choice.network]
-        )
+        own = [i for i, choice in enumerate(decided) if choice.network]
+        learned = np.isin(pieces.parts.part, own)
         values = {
             name: np.where(learned, value, getattr(field, name))
             for name, value in zip(FIELDS, found.normalisation.physical(found.values), strict=True)
@@ -100,7 +96,7 @@ class FilmPredictor:
     def field(
         self,
         parts: PartVoxels,
-        sentence: EncodedSentence,
+        sentence: Sentence,
         *,
         up: UpAxis = "z",
         appearance: Appearance | None = None,
@@ -125,7 +121,7 @@ class FilmPredictor:
         clause = None if owner is None else found.clauses[owner]
         shares = found.shares[cells].mean(axis=0)
         share = float(shares[-1 if owner is None else owner])
-        text = None if clause is None else clause.written
+        text = None if clause is None else clause.text
         measured = text is not None and owner == shares.argmax() and not found.of_pieces
         certainty = self.certainty.of(share) if self.certainty and measured else None
         spread = float(found.spread[cells].mean())
@@ -134,17 +130,12 @@ class FilmPredictor:
         if certainty is not None:
             why += Note("predictor.right_about", certainty=10 * certainty)
         if clause is not None and clause.material:
-            choice = self.lookup.of_clause(words.part, clause, why)
             return replace(
-                choice,
-                weight=share,
-                settled=False,
-                binding=binding,
-                unknown=words.unknown,
-                guessed=words.unknown is not None,
-            )
+                self.lookup.of_clause(words.part, clause, why), weight=share, settled=False,
+                binding=binding, unknown=words.unknown, guessed=words.unknown is not None,
+            )  # fmt: skip
         mean = found.values[cells].mean(axis=0)
-        value = MaterialValue(*(float(x) for x in found.normalisation.physical(mean)))
+        value = MaterialValue(*map(float, found.normalisation.physical(mean)))
         row = nearest_row(self.table, found.normalisation, mean)
         return PartChoice(
             words.part, row, value, share, 0.5, why, settled=False, binding=binding,

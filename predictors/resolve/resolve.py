@@ -12,7 +12,7 @@ import re
 from collections import defaultdict
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache, lru_cache
+from functools import cache, lru_cache, partial
 from typing import ClassVar, NamedTuple, get_args
 
 import numpy as np
@@ -37,9 +37,9 @@ from ..field import Normalisation
 from ..grid import PartVoxels
 from ..prediction import PartChoice, Prediction
 from ..text.clauses import GENERAL, Bound, Clause, Degree, Sentence, Subject, bind, names_object
-from ..text.hearing import SHARES, EncodedClause, NamedPart, allocate, stem, vocabulary_of
-from ..text.lexicon import parts_called, words
+from ..text.english import words
 from ..text.numerals import Comparison, Measure, Quantity
+from ..text.parts import LISTS, STRUCTURE, NamedPart, parts_called, stem, vocabulary_of
 from ..text.reader import parse
 from .numbers import as_stated, may_have, rubber_of, with_numbers
 from .similarity import RowKernel
@@ -80,6 +80,7 @@ class Lookup:
         values: Mapping[str, Mapping[str, float]] | None = None,
         alpha: float | None = None,
         volumes: Sequence[float] | None = None,
+        within: Callable[[int, float], float] | None = None,
     ) -> WordChoices:
         """Choose the material of every part as far as words go.
 
@@ -90,6 +91,7 @@ class Lookup:
         alpha: Place of E in its range, 0 (soft) to 1 (stiff); None follows words such as "soft".
         volumes: Of the parts [m^3]: of those that no word tells apart, the larger is spoken of
             first.
+        within: Share of a part's volume, by its number, at most so deep [m] below its surface.
         """
         vocabulary = vocabulary_of(self.table)
         parts = [
@@ -102,8 +104,10 @@ class Lookup:
             of_all[said] += part.volume
         self._decider.prepare(parts, statements)
         choices = []
-        for part, said in zip(parts, statements, strict=True):
-            choice, more = self._decider.decide(part, said, alpha=alpha, volume=of_all[said])
+        for i, (part, said) in enumerate(zip(parts, statements, strict=True)):
+            choice, more = self._decider.decide(
+                part, said, alpha=alpha, volume=of_all[said], within=within and partial(within, i)
+            )
             choices.append(choice)
             warnings += more
         choices, more = with_relations(
@@ -137,9 +141,9 @@ class Lookup:
             )  # fmt: skip
             if len(numbers) == len(value):
                 choices[i] = as_stated(choices[i])
-        return WordChoices(choices, tuple(dict.fromkeys((*warnings, *more))))
+        return WordChoices(choices, _grouped([*warnings, *more]))
 
-    def of_clause(self, part: str, clause: EncodedClause, why: str) -> PartChoice:
+    def of_clause(self, part: str, clause: Clause, why: str) -> PartChoice:
         """Choose for a part the material that a clause names, soft or stiff as its level says."""
         return self._decider.of_clause(part, clause, why)
 
@@ -198,6 +202,18 @@ class Lookup:
         return statements, warnings
 
 
+def _grouped(lines: Sequence[str]) -> tuple[str, ...]:
+    """Lines that say the same of several parts as one."""
+    parts: dict[str, list[str]] = {}  # what is said -> the parts that it is said of
+    for line in dict.fromkeys(lines):
+        found = re.fullmatch(r"part ('[^']*'): (.*)", line) if type(line) is str else None
+        parts.setdefault(found[2] if found else line, []).extend([found[1]] if found else [])
+    return tuple(
+        f"part{'s' * (len(of) > 1)} {', '.join(of)}: {said}" if of else said
+        for said, of in parts.items()
+    )
+
+
 def _unread(sentence: Sentence) -> Iterator[str]:
     """What no clause took and none tells of."""
     noted = {*sentence.notes, *(line for clause in sentence.clauses for line in clause.doubts)}
@@ -241,7 +257,7 @@ def _allocated(
     if not lost:
         return out
     given = allocate(
-        [EncodedClause.of(clause) for clause in naming],
+        naming,
         [parts[i] for i in free],
         similarity=kernel.similarity,
         category=lambda phrase: table.exact(phrase).category,
@@ -250,6 +266,52 @@ def _allocated(
         if k is not None:
             out[i] = PartStatement((naming[k],), borrowed=True)
     return [replace(said, open=said.borrowed or not said.clauses) for said in out]
+
+
+# In the assignment of clauses that no word binds, against a cosine of 0 .. .6 between words:
+# steel goes to what the asset calls metal, and not to what it calls plastic.
+SAME_KIND, OTHER_KIND = 0.5, -0.2
+MAIN = 1.0  # of two clauses for one part, the frame's
+VOLUME, NAME_ORDER = 0.05, 1e-6  # between equals, the first clause takes the largest part
+
+
+def allocate(
+    clauses: Sequence[Clause],
+    parts: Sequence[NamedPart],
+    *,
+    similarity: Callable[[list[str], list[str]], np.ndarray],
+    category: Callable[[str], str],
+) -> list[int | None]:
+    """Give each clause one part that no word bound, so that all fit best together.
+
+    ``similarity`` is the cosine of two lists of texts, ``category`` the kind of a material phrase.
+    Returns the clause of each part, None for the parts that are left over.
+    """
+    from scipy.optimize import linear_sum_assignment
+
+    bound: list[int | None] = [None] * len(parts)
+    if not clauses or not parts:
+        return bound
+    nouns = [" ".join(clause.parts) or clause.told for clause in clauses]
+    score = similarity(nouns, [part.spoken for part in parts]).astype(np.float64)
+    total = sum(part.volume for part in parts) or 1.0
+    kind_of_part = [category(part.material) if part.material else "" for part in parts]
+    by_name = sorted(range(len(parts)), key=lambda i: parts[i].name)
+    for k, clause in enumerate(clauses):
+        first = (len(clauses) - k) / len(clauses)
+        said = {*clause.parts}
+        usual = [each["of"] for each in LISTS["usual"] if said & {*each["nouns"].split()}]
+        score[k] += MAIN * bool(said & STRUCTURE)
+        for rank, i in enumerate(by_name):
+            if kind := kind_of_part[i]:  # of the material that the asset itself names
+                same = clause.material is not None and kind == category(clause.material)
+                score[k, i] += (SAME_KIND if same else OTHER_KIND) + max(
+                    (weights.get(kind, 0.0) for weights in usual), default=0.0
+                )
+            score[k, i] += first * (VOLUME * parts[i].volume / total - NAME_ORDER * rank)
+    for k, i in zip(*linear_sum_assignment(score, maximize=True), strict=True):
+        bound[i] = int(k)
+    return bound
 
 
 # Parts said to be stiffer or lighter than others: values that keep these relations.
@@ -304,13 +366,8 @@ def with_relations(
                     beside = [_Beside(row.name, row.value(), None)]
                     out[i] = _related(out[i], relation, beside, named=named[i])
                 else:
-                    notes.append(
-                        Note(
-                            "resolve.part_compared",
-                            part=out[i].part,
-                            other=" ".join(relation.other),
-                        )
-                    )
+                    other = " ".join(relation.other)
+                    notes.append(Note("resolve.part_compared", part=out[i].part, other=other))
         for i in ready:
             del waiting[i]
     return out, notes
@@ -412,6 +469,7 @@ def _known_values(
 # What an everyday part is made of if neither the text nor its name says more.
 COMMON = "wood steel plastic glass ceramic fabric leather rubber stone paper".split()
 ALSO_COMMON = ("foam", "soft foam", "concrete", "felt")  # where a level or a kind is said
+_WIDE_KINDS = ("metal", "glass-ceramic", "stone", "composite")  # of which no row is usual
 _SPOKEN_DEGREE: dict[Degree, tuple[str, ...]] = {
     1: ("soft", "flexible", "very soft"), 2: ("soft", "flexible"), 3: (),
     4: ("hard", "rigid", "stiff"), 5: ("hard", "rigid", "stiff"),
@@ -497,7 +555,13 @@ class Decider:
         self.kernel.embed([_query(part, words) for part, words in unnamed])
 
     def decide(
-        self, part: NamedPart, statement: PartStatement, *, alpha: float | None, volume: float
+        self,
+        part: NamedPart,
+        statement: PartStatement,
+        *,
+        alpha: float | None,
+        volume: float,
+        within: Callable[[float], float] | None = None,
     ) -> tuple[PartChoice, tuple[str, ...]]:
         """Return the choice for a part of which so much is said, and what to warn of.
 
@@ -517,14 +581,23 @@ class Decider:
             choice.row, stiffness=stiffness, density=density, character=statement.all("character"),
             absolute=statement.naming is None and choice.guessed,
         )  # fmt: skip
+        swims, water = [], statement.all("character")
+        if statement.naming and "sinks" in water and value.rho <= WATER:
+            swims = [Note("resolve.sinks", rho=SUNK * WATER, name=choice.row.name, own=value.rho)]
+            value = value._replace(rho=SUNK * WATER)
+        if statement.naming and "floats" in water and value.rho >= WATER:
+            swims = [Note("resolve.floats", rho=WATER / SUNK, name=choice.row.name, own=value.rho)]
+            value = value._replace(rho=WATER / SUNK)
         place = PLACE[stiffness] if stiffness else 0.5
         if alpha is not None:
             place, value = alpha, value._replace(E=choice.row.value(alpha).E)
         choice = replace(choice, value=value, alpha=place)
         value, derivation, warnings, exact = with_numbers(
             part.name, choice.row, choice.value, statement.numbers,
-            blend=statement.first("blend"), volume=volume, named=statement.naming is not None,
+            blend=statement.first("blend"), volume=volume, within=within,
+            named=statement.naming is not None,
         )  # fmt: skip
+        derivation = (*swims, *derivation)
         choice = replace(choice, value=value, derivation=derivation, exact=exact)
         if derivation and not statement.open:
             choice = replace(choice, settled=True)
@@ -535,21 +608,15 @@ class Decider:
         named = dict.fromkeys(clause.material for clause in statement.clauses if clause.material)
         first, *others = named or [""]
         if others:
-            notes.append(
-                Note(
-                    "resolve.part_text",
-                    name=part.name,
-                    named=" and ".join(map(repr, named)),
-                    first=first,
-                    others=", ".join(map(repr, others)),
-                )
-            )
+            both, left = " and ".join(map(repr, named)), ", ".join(map(repr, others))
+            said = {"name": part.name, "named": both, "first": first, "others": left}
+            notes.append(Note("resolve.part_text", **said))
         notes += [
             f"part {part.name!r}: {doubt}" for doubt in dict.fromkeys(statement.all("doubts"))
         ]
         return replace(choice, unknown=statement.unknown), (*notes, *warnings)
 
-    def of_clause(self, part: str, clause: EncodedClause, why: str) -> PartChoice:
+    def of_clause(self, part: str, clause: Clause, why: str) -> PartChoice:
         """Choose for a part what a clause names, a predictor having found the part for it."""
         degree, named = _HEARD_DEGREE.get(clause.level), self.table.exact(clause.material or "")
         row = self._named(clause.phrase, named.name, degree)
@@ -695,7 +762,7 @@ def _choice(
 def _kind_taken(part: NamedPart, statement: PartStatement, row: Material) -> tuple[str, ...]:
     """That a row stands for a kind of matter; generic rows span theirs."""
     naming = statement.naming
-    if naming and naming.kind and "generic" not in row.name:
+    if naming and naming.kind and "generic" not in row.name and row.category in _WIDE_KINDS:
         kind = Note("resolve.kind_matter", phrase=naming.phrase)
         return (Note("resolve.part_taken", name=part.name, kind=kind, name_2=row.name),)
     return ()
@@ -725,9 +792,12 @@ DENSITY: dict[Degree, Span] = {
 # What is said to be flexible, floppy or pliable: rubbers, fabrics, films, and thin stiffer matter.
 FLEXIBLE = Span(1e5, 1e8)
 NEARLY = 1.5  # as light as the lightest that is as stiff: aluminium beside carbon fibre
-# Place of a degree in the logarithmic range of E or rho of a row that is named.
+# Place in the logarithmic range of E or rho of a row that is named, from "very soft" to "very
+# stiff": halves of its halves, and nearly its ends.
+SHARES = (0.04, 0.25, 0.5, 0.75, 0.96)
 PLACE: dict[Degree, float] = dict(zip(get_args(Degree), SHARES, strict=True))
 WATER = 1000.0  # [kg/m^3]
+SUNK = 1.05  # of water's, what is said to sink weighs at least
 # Words for behaviour -> the categories that behave so, by what each is known for (Ashby, fig. 4.7:
 # fracture toughness; elastomers return what they take up).
 BEHAVING: dict[str, frozenset[str]] = {
@@ -805,6 +875,15 @@ def value_at(
         near = _near(row.rho, DENSITY[density])
         value = value._replace(rho=near if absolute else _placed(row.rho, density))
     return value
+
+
+def material_at(
+    row: Material, *, stiffness: float | None = None, density: float | None = None
+) -> MaterialValue:
+    """Return E [Pa], nu [1], rho [kg/m^3] of a row at places [0, 1] of its ranges of E and rho."""
+    value = row.value(0.5 if stiffness is None else stiffness)
+    place = 0.5 if density is None else density
+    return value._replace(rho=row.rho.min ** (1 - place) * row.rho.max**place)
 
 
 def _near(span: Span, band: Span) -> float:

@@ -2,13 +2,25 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal, NamedTuple
 
 from ...fem.note import Note
-from .lexicon import HEAD, LABEL, WORD, PartLabels, PartMatch, known_parts, part_words, parts_named
 from .numerals import Blend, Comparison, Quantity
+from .parts import (
+    FILLERS,
+    HEAD,
+    LABEL,
+    WORD,
+    PartLabels,
+    PartMatch,
+    known_parts,
+    part_words,
+    parts_named,
+    stem,
+)
 
 # What a clause speaks of: parts by name, the object as a whole, what no other clause names, or
 # nothing that it says ("oak" alone).
@@ -16,6 +28,10 @@ Scope = Literal["parts", "whole", "rest", "none"]
 # How stiff or heavy a thing is said to be, from 1 (very soft, very light) to 5 (very stiff, very
 # heavy); 3 is "medium".
 Degree = Literal[1, 2, 3, 4, 5]
+
+
+# AutoPhyX 3.3: "This is a [object name]." leaves every part at the mean of its range.
+_TEMPLATE = re.compile(r"((this|it) is |an image of )?an? [\w -]{1,40}\.?", re.IGNORECASE)
 
 
 @dataclass(frozen=True)
@@ -92,6 +108,28 @@ class Clause:
         )  # fmt: skip
         object.__setattr__(self, "says_matter", bool(says))
 
+    # As a network hears it.
+
+    @property
+    def told(self) -> str:
+        """Its words, without those that say nothing."""
+        words = re.findall(r"[\w'-]+", self.text)
+        return " ".join(word for word in words if word.lower() not in FILLERS) or self.text
+
+    @property
+    def parts(self) -> tuple[str, ...]:
+        """Stems of the words for the parts that it speaks of, in order."""
+        if self.subject.scope == "rest":
+            return ("everything",)
+        return tuple(stem(word) for name in self.subject.names for word in name)
+
+    @property
+    def level(self) -> str | None:
+        """How it is, where an adjective says so: "soft", "stiff", "light" or "dense"."""
+        degrees = ((self.stiffness, "soft", "stiff"), (self.density, "light", "dense"))
+        levels = (low if n < 3 else high for n, low, high in degrees if n not in (None, 3))
+        return next(levels, None)
+
 
 @dataclass(frozen=True)
 class Sentence:
@@ -110,6 +148,13 @@ class Sentence:
     unread: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     thing: tuple[str, ...] = ()
+
+    @property
+    def stated(self) -> tuple[Clause, ...]:
+        """Clauses whose matter somebody knows; none where it only says what the object is."""
+        known = tuple(c for c in self.clauses if c.material or not c.unknown)
+        says = any(clause.material or clause.level for clause in known)
+        return known if says or not _TEMPLATE.fullmatch(self.text.strip()) else ()
 
 
 # Which clauses speak of which part of an asset.

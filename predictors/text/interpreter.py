@@ -1,4 +1,4 @@
-"""A text read once for an asset: by the built-in reader, or by a language model that it checks.
+"""A text read by a language model, whose answer the built-in reader checks.
 
 The built-in reader stays the fall-back, and the check: what the model left out or reads otherwise
 is told. A clause that quotes words which the text does not have, or numbers that are not in it, is
@@ -19,7 +19,7 @@ from typing import Any, get_args
 from ...fem.errors import InputError, UsageError
 from ...fem.note import Note
 from ...fem.table import CATEGORIES, MaterialTable, key
-from .clauses import Bound, Clause, Degree, Scope, Sentence, Subject, bind
+from .clauses import Clause, Degree, Scope, Sentence, Subject
 from .numerals import Measure, Quantity
 from .reader import parse
 
@@ -38,26 +38,6 @@ Answer with JSON alone: {{"clauses": [CLAUSE, ...]}}. A CLAUSE has
 "stiffness", "density": 1 (very soft, very light) to 5 (very stiff, very heavy), or null;
 "numbers": [{{"measure": one of {measures}, "value": in Pa, 1, kg/m3, kg, m, "text": exact words}}].
 Leave out what the sentence does not say. Guess nothing."""
-
-
-def read_sentence(
-    text: str,
-    labels: Sequence[Sequence[str]],
-    table: MaterialTable,
-    *,
-    interpreter: ChatEndpoint | None = None,
-) -> Bound:
-    """Read a text, and say which of its clauses speak of which part.
-
-    text: What the user says of the object.
-    labels: For each part its name, then all other words that the asset has for it.
-    table: Whose rows are materials.
-    interpreter: A language model that reads the text.
-    """
-    names = [own[0] for own in labels]
-    if interpreter is None:
-        return bind(parse(text, table, names), labels)
-    return bind(interpret(interpreter, text, table, names), labels)
 
 
 def interpret(

@@ -16,15 +16,17 @@ from functools import lru_cache
 from importlib.util import find_spec
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
 
 from ...fem.note import Note
 from ...fem.table import Material
-from .lexicon import Atom, Meaning, Phrase, ReaderLexicon, atoms, part_name_words, words
+from .english import Atom, Lexeme, Phrase, is_glue, words
+from .languages import glossed
+from .materials import LONGEST_PHRASE, Meaning, ReaderLexicon, atoms, named_materials
 from .numerals import Comparison, Numeral, Quantity, number, numerals
+from .parts import part_name_words
 
 # Of candidates over each other the longest is taken, then the one of the lowest rank.
-_RANK = {"part": 0, "number": 1, "told": 1, "size": 1, "material": 2}
+_RANK = {"part": 0, "number": 1, "material": 2, "told": 2.5, "size": 2.5}
 # What the model is shown for tokens that it cannot know, and for phrases that are one token here.
 _PLAIN = {"material": "wood", "number": "12", "size": "12", "told": "12", "part": "part"}
 _PHRASES = {
@@ -32,39 +34,6 @@ _PHRASES = {
     "looks": "like", "off": "for", "on": "on", "than": "than", "degree": "very", "same": "same",
     "stiffness": "soft", "density": "heavy", "character": "tough", "rest": "rest", "whole": "all",
 }  # fmt: skip
-
-
-@dataclass(frozen=True)
-class Lexeme:
-    """One token of a sentence: what it does, what it says, how the model tags it."""
-
-    text: str
-    start: int
-    end: int
-    role: str
-    value: Any = None
-    words: Phrase = ()
-    known: bool = True  # to the dictionary, the table or the part names
-    part: bool = False  # whether a part of the asset is called so
-    names: Phrase = ()  # those words of a row's phrase that a part is called too
-    tag: str = ""
-    dep: str = ""
-    note: str = ""
-
-    @property
-    def is_name(self) -> bool:
-        """Whether it may be a name that no dictionary has, by its place alone."""
-        return self.role == "word" and self.tag in ("NN", "NNP", "FW", "XX", "UH")
-
-    @property
-    def is_code(self) -> bool:
-        """Whether it is strange, or a number that measures nothing: "xq", "QT-500"."""
-        return not self.part and (not self.known or self.role in ("digits", "told"))
-
-    @property
-    def is_measure(self) -> bool:
-        """Whether it is a bare number that counts nothing: "0.33"."""
-        return self.role == "digits" and not self.part and not self.text.isdigit()
 
 
 @dataclass
@@ -78,15 +47,28 @@ class Lexed:
 def lex(text: str, lexicon: ReaderLexicon, names: Sequence[str]) -> Lexed:
     """Cut a text into lexemes and tag them."""
     known = {word for name in names for word in part_name_words(name)}
+    head = text.partition("\n")[0]
+    if head.count(",") and _HEADED.search(head):  # a table with commas between its columns
+        text = re.sub(r",(?!\s)", "|", text)
     for rule in words()["rewrites"]:  # what stands for a word is written by it, in as many letters
         width = lambda m, to=rule["to"]: m.expand(to).ljust(len(m[0]))[: len(m[0])]  # noqa: E731
         text = re.sub(rule["find"], width, text)
+    for pattern in _IGNORED:
+        text = pattern.sub(lambda m: " " * len(m[0]), text)
     text, loads = without_loads(text)
-    numbers = numerals(text)
+    numbers = numerals(lexicon.undesignated(text))
     cut = atoms(text, lexicon.model, known)
-    cut, notes, strange, mended = _mended_spelling(cut, lexicon, known)
+    foreign = glossed(cut, lexicon, known)
+    if foreign:
+        notes = [Note("lexing.read_as", language=foreign.language)]
+        cut, strange, mended = foreign.atoms, foreign.unknown, {}
+    else:
+        cut, notes, strange, mended = _mended_spelling(cut, lexicon, known)
+    if not cut:
+        return Lexed([], [*loads, *notes])
     out: list[Lexeme] = []
-    candidates = _spans(text, cut, numbers, lexicon, names, known)
+    materials = named_materials(text, cut, lexicon, known, several=len(names) > 1)
+    candidates = _spans(text, cut, numbers, materials, lexicon, names, known)
     for lexeme in sorted(candidates, key=lambda x: (x.start - x.end, _RANK.get(x.role, 3))):
         if all(lexeme.end <= c.start or c.end <= lexeme.start for c in out):
             out.append(lexeme)
@@ -129,29 +111,9 @@ def lex(text: str, lexicon: ReaderLexicon, names: Sequence[str]) -> Lexed:
 
 # Loads that a text speaks of: its words set none, so that they are told with what does.
 
-_WHO = r"person|people|man|woman|child|kid|adult|rider|passenger|somebody|someone"
-_MASS = r"\d\s*(?:kg|lbs?|pounds?|tons?|tonnes?)"
-# What bears on a thing, by a unit that no material has, by who or what does it, or by the deed.
-# "Stands on", "hangs from", "pressed" say more of supports and of matter: they are not among them.
-_LOADS = re.compile(
-    rf"""
-    (?<![\w.])(?:\d[\d.,]+|[\d.,]+\s)\s*(?:k?N|[Nn]ewtons?|kgf|lbf|m/s|km/h|mph|knots)\b(?![/*²^])
-    | [\d.,]*{_MASS}\s+(?:\w+\s+)?(?:{_WHO})\b
-    | \b(?:an?|the|one|two|three|four)\s+(?:\w+\s+)?(?:{_WHO})\s+
-      (?:who\s+)?(?:sit|stand|jump|lie|ride|swing)\w*
-    | \b(?:is|are|being|gets?)\s+(?:sat|stood|stepped|jumped)\s+(?:up)?on\b
-    | [\d.,]*{_MASS}\b(?!\s+of\b|/)[^,;]*?\s(?:on|onto)\s+(?:it|top|the|each|its)\b
-    | \b(?:carr(?:y|ies|ying)|bear(?:s|ing)?|support(?:s|ing)?)\s+
-      (?:up\s+to\s+|about\s+)?[\d.,]*{_MASS}\b
-    | \b(?:dropped|drops|falls|falling|thrown|tossed)\s+(?:\w+\s+)?(?:from|off|onto|down|on|at)\b
-    | \b(?:strong|heavy|high|gentle|light)\s+winds?\b | \bgusts?\b
-    | \bwind\s+(?:of|blows?|blowing|loads?)\b
-    | \b(?:push|pull|kick|squeez|shak)(?:e[ds]?|es|ed|ing|s)?\s+
-      (?:\w+\s+)?(?:by|with|at|from|down|sideways|on)\b
-    | \b(?:loads?|forces?|pressure|torque)\s+of\s+\d
-    """,
-    re.VERBOSE,
-)
+_LOADS = re.compile(words()["loads"]["pattern"], re.VERBOSE)
+_HEADED = re.compile(r"(?i)(?<!\w)(?:material|mat|werkstoff|matériau|part|part name|bauteil)(?!\w)")
+_IGNORED = [re.compile(rf"(?<![\w.])(?:{each})") for each in words()["ignored"]["patterns"]]
 _LOAD_END = re.compile(r"[;\n]|[,.](?=\s|$)|\s(?=and\b|but\b|while\b|which\b)|$")
 
 
@@ -210,12 +172,20 @@ def _mended_spelling(
     long = sum(atom.text.isalpha() and len(atom.text) >= SHORTEST_MENDED for atom in cut)
     left = [i for i in left if not cut[i].text.isupper()]
     foreign = len(left) >= 3 and len(left) >= FOREIGN_SHARE * long
+    strange_long = [i for i in odd if len(cut[i].text) >= SHORTEST_MENDED]
+    if len(strange_long) >= 3 and len(strange_long) == long:
+        return [], [Note("lexing.language_read")], set(), {}
     if odd and not foreign:  # or another language has more of its small words than English has
-        low = [a.text.lower() for a in cut if a.text.isalpha() and not a.text.isupper()]
+        ends = {a.end for a in cut if a.text[0].isdigit()}  # "Ni" of "CuAl10Ni5" is no word
+        low = [
+            a.text.lower() for a in cut
+            if a.text.isalpha() and not a.text.isupper() and a.start not in ends
+        ]  # fmt: skip
         small = {code: _small_words(code) for code in LANGUAGES}
         english = sum(word in small["en"] for word in low)
         alien = (sum(w in small[code] and w not in small["en"] for w in low) for code in LANGUAGES)
-        foreign = max(alien) > max(english, 1)
+        if max(alien) > max(english, 1):
+            return [], [Note("lexing.language_read")], set(), {}
     if foreign:
         note = Note("lexing.words_english", count=len(odd), long=long)
         return cut, [note], {cut[i].start for i in odd}, {}
@@ -289,9 +259,6 @@ def _skeleton(word: str) -> str:
     return re.sub(r"(.)\1", r"\1", re.sub(r"(?<!^)[aeiouyh]", "", word))
 
 
-# Spans of a text that may be a lexeme: part names, numbers, phrases of the table, codes.
-
-LONGEST_PHRASE = 7  # atoms: "Ti-6Al-4V titanium"
 _CODE = re.compile(r"(?<![\w.])(?=[\w.-]*\d)(?=[\w.-]*[A-Za-z])[A-Za-z0-9][\w.+-]*\w")
 _SMALL = ("word", "hyphen", "empty", "idle", "comma")  # what a code may hold
 _PARTLY = re.compile(
@@ -310,6 +277,7 @@ def _spans(
     text: str,
     cut: list[Atom],
     numbers: list[Numeral],
+    materials: list[Lexeme],
     lexicon: ReaderLexicon,
     names: Sequence[str],
     known: set[str],
@@ -325,24 +293,25 @@ def _spans(
         stems = part_name_words(name)
         for m in re.finditer(rf"(?i)(?<!\w){written}(?!\w)", text):
             found.append(Lexeme(m[0], *m.span(), "part", name, stems, part=True))
+    # Names with a wildcard, as files of robots have them: "arm_link*", "link.*"
+    for m in re.finditer(r"(?<![\w*])(\w{2,}?)[._-]?\*", text):
+        meant = [name for name in names if name.lower().startswith(m[1].lower())]
+        if meant:
+            found.append(
+                Lexeme(m[0], *m.span(), "part", meant, part_name_words(meant[0]), part=True)
+            )
     for n in numbers:
         role = "number" if n.value else "told" if n.note else "size"
         found.append(Lexeme(text[n.start : n.end], n.start, n.end, role, n.value, note=n.note))
-    # Phrases of the table and of the language, at every place the longest of each
-    for find in (_material, _connector):
-        for i in range(len(cut)):
-            sizes = range(min(LONGEST_PHRASE, len(cut) - i), 0, -1)
-            candidates = (find(cut, i, size, text, lexicon, known) for size in sizes)
-            best = next((lexeme for lexeme in candidates if lexeme), None)
-            if best:
-                single = best.end == cut[i].end or best.role == "material"
-                part = single and best.words[-1] in known
-                found.append(replace(best, part=part, names=best.names or best.words[-1:] * part))
-    found += [
-        Lexeme(match[0], match.start(), match.end(), "material", row, (match[0].lower(),))
-        for pattern, row in lexicon.designations
-        for match in pattern.finditer(text)
-    ]
+    found += materials
+    # Phrases of the language, at every place the longest
+    for i in range(len(cut)):
+        sizes = range(min(LONGEST_PHRASE, len(cut) - i), 0, -1)
+        candidates = (_connector(cut, i, size, text, lexicon, known) for size in sizes)
+        best = next((lexeme for lexeme in candidates if lexeme), None)
+        if best:
+            part = best.end == cut[i].end and best.words[-1] in known
+            found.append(replace(best, part=part, names=best.words[-1:] * part))
     # Letters and digits in one that nothing else is made of: "X7", a grade that nobody knows
     out = []
     for m in _CODE.finditer(text):
@@ -362,47 +331,6 @@ def _spans(
     return found + out
 
 
-def _material(
-    cut: list[Atom], i: int, size: int, text: str, lexicon: ReaderLexicon, known: set[str]
-) -> Lexeme | None:
-    """A row of the table in ``size`` words from ``i`` on, which only hyphens and the like part."""
-    end, count = i, 0
-    while count < size:
-        if end == len(cut):
-            return None
-        sign = cut[end].text
-        if sign[0].isalnum():
-            count += 1
-        elif end == i or sign not in ("-", "/", "+", ",", "("):
-            return None
-        elif sign in ("/", "-", "+") and not _is_glue(text, cut[end]):
-            return None
-        end += 1
-    run = cut[i:end]
-    stems: Phrase = tuple(a.stem for a in run if a.text[0].isalnum())
-    row = lexicon.rows.get(stems) or (None if known & {*stems} else lexicon.turned.get(stems))
-    if any(a.text == "," for a in run) and stems not in lexicon.listed:
-        return None  # "rubber sole, leather upper" is no sole leather
-    if not row:
-        return None
-    single = len(stems) > 1 and len(stems[0]) == 1  # "A36" and not "a 36"
-    if single and run[0].end != run[1].start:
-        return None
-    if not single and lexicon.needs_capitals(stems) and not run[0].text.isupper():
-        return None
-    start, stop = run[0].start, run[-1].end
-    if text[start - 1 : start].isdigit():  # "Pb" of "CuSn10Pb1"
-        return None
-    opens = i == 0 or cut[i - 1].text in "|;,\n"  # "spring steel" of a spring, "| saddle leather"
-    divided = opens and run[0].stem in known and stems[1:] in lexicon.rows
-    if divided and known & {atom.stem for atom in cut if atom not in run}:
-        return None  # one of a list of parts
-    note = words()["confused"].get(text[start:stop].lower(), "")
-    return Lexeme(
-        text[start:stop], start, stop, "material", row, stems, names=stems[:1] * divided, note=note
-    )
-
-
 def _connector(
     cut: list[Atom], i: int, size: int, text: str, lexicon: ReaderLexicon, known: set[str]
 ) -> Lexeme | None:
@@ -411,7 +339,7 @@ def _connector(
     meaning = lexicon.meanings.get(phrase)
     if size == 1:
         meaning = meaning or lexicon.meanings.get((run[0].stem,))
-        glued = run[0].text in "-/" and _is_glue(text, run[0])
+        glued = run[0].text in "-/" and is_glue(text, run[0])
         lists = glued and {a.stem for a in cut[i - 1 : i + 2]} <= {*known, "/"}  # "arms/legs"
         meaning, phrase = (
             Meaning("and" if lists else "hyphen") if glued else meaning,
@@ -425,12 +353,6 @@ def _connector(
     return Lexeme(text[start:stop], start, stop, meaning.role, meaning.value, phrase, note=note)
 
 
-def _is_glue(text: str, sign: Atom) -> bool:
-    """Whether a sign stands between words without spaces: "chrome-plated"."""
-    around = text[sign.start - 1 : sign.end + 1] if sign.start else " "
-    return len(around) == 3 and not any(c.isspace() for c in around)
-
-
 # Passes over the lexemes: ranges of parts, words that point to others.
 
 _THROUGH = ("to", ".", "..", "...", "-", "–", "through", "until", "thru")
@@ -441,6 +363,12 @@ def spelt_out(lexemes: list[Lexeme], names: Sequence[str]) -> list[Lexeme]:
     out: list[Lexeme] = []
     first: Lexeme | None = None  # a part or its number, and nothing but "to" or dots since
     for lexeme in lexemes:
+        for name in lexeme.value[:-1] if isinstance(lexeme.value, list) else ():
+            each = replace(lexeme, words=part_name_words(name), value=name)
+            out += [each, replace(lexeme, role="and", words=(), part=False, value=None)]
+        if isinstance(lexeme.value, list):
+            last = lexeme.value[-1]
+            lexeme = replace(lexeme, words=part_name_words(last), value=last)
         ends = lexeme.role == "part" or (lexeme.role == "digits" and lexeme.part)
         bare = ends and first is not None and lexeme.role == "digits"
         if bare and first is not None and first.role == "part":  # "rib_01..03"
@@ -459,6 +387,20 @@ def spelt_out(lexemes: list[Lexeme], names: Sequence[str]) -> list[Lexeme]:
         if ends or (first is not None and lexeme.text.lower() not in _THROUGH):
             first = lexeme if ends else None
         out.append(lexeme)
+    return out
+
+
+def one_of(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
+    """Leave of materials between which the text does not decide the first, and tell it."""
+    out: list[Lexeme] = []
+    for lexeme in lexemes:
+        either = [x.text.lower() for x in out[-1:]] in (["or"], ["and/or"])
+        first = out[-2] if either and len(out) > 1 else None
+        if first and first.role == lexeme.role == "material" and first.value is not lexeme.value:
+            note = Note("lexing.one_of", first=first.text, second=lexeme.text)
+            out[-2:] = [replace(first, note=note)]
+        else:
+            out.append(lexeme)
     return out
 
 

@@ -18,7 +18,7 @@ import numpy as np
 
 from ...fem.table import Material, MaterialValue, load_table
 from ...fem.table import key as key_of
-from ...predictors.text.hearing import KINDS, kind_of
+from ...predictors.text.parts import KINDS, kind_of
 from . import frames
 from .frames import split_frames
 from .objects import CATEGORIES, HELD_OUT, category_names

@@ -8,7 +8,8 @@ from functools import lru_cache
 from typing import NamedTuple
 
 from ...fem.table import NU_CAP, Material, MaterialValue, load_table
-from ...predictors.text.hearing import DATA, SHARES, material_at
+from ...predictors.resolve.resolve import SHARES, material_at
+from ...predictors.text.english import DATA
 
 
 @dataclass(frozen=True)

@@ -24,7 +24,7 @@ from ...predictors.appearance.surface import (
 )
 from ...predictors.asset import Asset, Part, upright
 from ...predictors.matter import FEATURES, measure
-from ...predictors.text.hearing import KINDS, Vocabulary, kind_of
+from ...predictors.text.parts import KINDS, Vocabulary, kind_of
 from .shapes import EMPTY, MAX_PARTS
 
 CELLS = 64

@@ -12,7 +12,7 @@ from jaxtyping import Float, Float16, Int
 
 from ...fem.errors import InputError
 from ...predictors.field import DEFAULT, Normalisation
-from ...predictors.text.hearing import FOREIGN, bare_words
+from ...predictors.text.parts import FOREIGN, bare_words
 from .grammar import Phrase, Role, level_value, object_phrases, part_pairs, write_phrases
 from .objects import category_names
 from .parts import LEVELS, Level, part_kinds

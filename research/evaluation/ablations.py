@@ -15,12 +15,14 @@ from ...predictors.encoders.minilm import MiniLM
 from ...predictors.encoders.registry import TextEncoder
 from ...predictors.field import Normalisation
 from ...predictors.film.inference import VISION, standard
+from ...predictors.film.words import name_evidence, subject
 from ...predictors.grid import Grid, PartVoxels, pooled
 from ...predictors.matter import by_appearance, by_look, matters, moved, typed_values
 from ...predictors.partition import match_clauses
-from ...predictors.text.hearing import EncodedClause, NamedPart, Vocabulary, name_evidence, subject
+from ...predictors.text.clauses import Clause
+from ...predictors.text.parts import NamedPart, Vocabulary
 from .held_out import HeldOutObject
-from .parser import listen
+from .parser import clause_of, listen
 from .rows import Setting, VoxelPredictor
 
 if TYPE_CHECKING:
@@ -257,13 +259,13 @@ def _part_voxels(part: np.ndarray, names: Sequence[str]) -> PartVoxels:
     return PartVoxels(Grid(np.zeros(3), 1 / len(part), part.shape), part, tuple(names))
 
 
-def _clauses(example: HeldOutObject) -> list[EncodedClause]:
+def _clauses(example: HeldOutObject) -> list[Clause]:
     """What every slot says, an empty clause where it says nothing."""
-    return [_one_clause(said) if said else EncodedClause("") for said in example.said]
+    return [_one_clause(said) if said else clause_of("") for said in example.said]
 
 
-def _one_clause(said: str) -> EncodedClause:
+def _one_clause(said: str) -> Clause:
     """Read as one what was written as one: "use velvet for the fabric" speaks of fabric."""
-    first, *others = [*listen(said, load_table()).clauses, EncodedClause(said)]
+    first, *others = [*listen(said, load_table()).clauses, clause_of(said)]
     spoken_of = [part for clause in others for part in (clause.phrase, *clause.parts) if part]
-    return EncodedClause(said, first.material, (*first.parts, *spoken_of))
+    return clause_of(said, first.material, (*first.parts, *spoken_of))

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 import numpy as np
 
 from ...predictors.encoders.minilm import MiniLM
-from ...predictors.text.hearing import HintedEncoder
+from ...predictors.film.words import HintedEncoder
 from ..datasets.objects import make_objects
 from ..datasets.real import CELLS, RealObject
 from ..datasets.text_table import TextTable, build_text_table

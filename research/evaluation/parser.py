@@ -20,15 +20,10 @@ from typing import Literal, NamedTuple
 
 from ...fem.errors import UsageError
 from ...fem.table import MaterialTable
-from ...predictors.text import hearing as words
-from ...predictors.text.hearing import (
-    TOKEN,
-    EncodedClause,
-    EncodedSentence,
-    Vocabulary,
-    stem,
-    vocabulary_of,
-)
+from ...predictors.film import words
+from ...predictors.text import parts
+from ...predictors.text.clauses import Clause, Degree, Sentence, Subject
+from ...predictors.text.parts import TOKEN, Vocabulary, stem, vocabulary_of
 
 MAX_TEXT = 4000  # characters: longer than any description of one object; bounds the work
 PARTICIPLES = frozenset("filled stuffed padded upholstered covered wrapped lined made".split())
@@ -75,11 +70,9 @@ class _Draft:
         self.material, self.material_stems = token.word, token.stems
         self.predicate = bool(self.nouns)
 
-    def clause(self, text: str) -> EncodedClause:
+    def clause(self, text: str) -> Clause:
         said = " ".join(token.said for token in self.words)
-        return EncodedClause(
-            said, self.material, tuple(self.subject), self.level, self._written(text)
-        )
+        return clause_of(self._written(text) or said, self.material, self.subject, self.level)
 
     def _written(self, text: str) -> str:
         """Characters from the first word to the last; "" where the words are not in this order."""
@@ -89,7 +82,21 @@ class _Draft:
         return " ".join(text[spans[0][0] : spans[-1][1]].split())
 
 
-def listen(text: str, table: MaterialTable) -> EncodedSentence:
+def clause_of(
+    text: str, material: str | None = None, parts: Iterable[str] = (), level: str | None = None
+) -> Clause:
+    """Return a clause of a text that speaks of parts, each by a word."""
+    subject = Subject("parts", tuple((part,) for part in parts))
+    stiffness: dict[str, Degree] = {"soft": 2, "stiff": 4}
+    density: dict[str, Degree] = {"light": 2, "dense": 4}
+    return Clause(
+        text, (0, len(text)), subject, material, material or "",
+        stiffness=stiffness.get(level or ""),
+        density=density.get(level or ""),
+    )  # fmt: skip
+
+
+def listen(text: str, table: MaterialTable) -> Sentence:
     """Read a text by the words of a table.
 
     Raises
@@ -103,7 +110,7 @@ def listen(text: str, table: MaterialTable) -> EncodedSentence:
         )
     drafts = _merge(_scan(tokenise(text, vocabulary_of(table))))
     clauses = (draft.clause(text) for draft in drafts if draft.material or draft.subject)
-    return EncodedSentence(text, tuple(clauses))
+    return Sentence(text, tuple(clauses))
 
 
 def _scan(tokens: list[Token]) -> list[_Draft]:
@@ -199,7 +206,7 @@ def _material(
             draft = _open(drafts)  # "chair steel frame"
         draft.name(token)
     elif beside and beside.role == "material":
-        if token.stems[-1] not in words.FAMILIES and not draft.predicate:
+        if token.stems[-1] not in parts.FAMILIES and not draft.predicate:
             draft.nouns += token.stems  # "plastic leaves", but not "oak wood"
     else:
         draft = _open(drafts)
@@ -356,4 +363,4 @@ def _role(word: str, stem: str, follows_participle: bool) -> Role:
         return "level"
     if word in NEGATIONS:
         return "not"
-    return "filler" if stem in words.FILLERS or word.isdigit() else "noun"
+    return "filler" if stem in parts.FILLERS or word.isdigit() else "noun"

@@ -11,7 +11,7 @@ from jaxtyping import Float, Int
 
 from ...fem.errors import InputError
 from ...predictors.matter import FEATURES, PLAIN, CategoriesByAppearance, Regression
-from ...predictors.text.hearing import KINDS
+from ...predictors.text.parts import KINDS
 from ..datasets.real import RealObject, kind_index
 
 # Of .3 to 100, on objects of each source of training by the other: 3 to 30 are as good.

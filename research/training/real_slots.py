@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import torch
 
-from ...predictors.text.hearing import KINDS
+from ...predictors.text.parts import KINDS
 from ..datasets.grammar import Role, spoken_names
 from ..datasets.parts import part_kinds
 from ..datasets.real import RealObject, kind_index

@@ -8,7 +8,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from ...predictors.text.hearing import CHANNELS
+from ...predictors.film.words import CHANNELS
 from ..datasets.grammar import Role
 from ..datasets.text_table import TextTable
 

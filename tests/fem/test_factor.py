@@ -113,7 +113,7 @@ def test_a_dense_front_is_cut_into_equal_pieces():
     A = half @ half.T + 3 * nodes * np.eye(3 * nodes)
     matrix = block_matrix(A)
     plan = plan_elimination(matrix)
-    widths = np.diff(plan.first.numpy())
+    widths = np.diff(plan.fronts.first.numpy())
     assert widths.max() <= elimination.WIDEST
     assert np.ptp(widths) <= 1
     assert plan.entries < 0.7 * A.size  # a half, and a third of the upper triangle's squares

@@ -9,7 +9,8 @@ from autophyx_tet.fem.errors import InputError
 from autophyx_tet.fem.mpm.boundaries import scene_room
 from autophyx_tet.fem.scenarios import sag
 from autophyx_tet.fem.scene.obstacles import Plane
-from autophyx_tet.fem.scene.up import UpAxis, half_turn, lowest_corner, up_index, up_vector
+from autophyx_tet.fem.scene.supports import ground_under
+from autophyx_tet.fem.scene.up import UpAxis, half_turn, up_index, up_vector
 from autophyx_tet.fem.solve.contact import support_polygon
 from autophyx_tet.fem.solve.method import SCENARIOS
 from autophyx_tet.toolkit.verdict.checks import stays_upright
@@ -36,8 +37,8 @@ def turned(mesh, up):
 def test_the_half_turn_is_a_rotation_onto_the_plain_axis(up):
     np.testing.assert_array_equal(half_turn(up) * up_vector(up), up_vector(up[-1]))
     assert np.prod(half_turn(up)) == 1
-    bounds = np.array([[0.0, 0, 0], [1, 2, 3]])
-    assert lowest_corner(bounds, up) @ up_vector(up) == (bounds @ up_vector(up)).min()
+    mesh = cone()
+    assert ground_under(mesh, up).point @ up_vector(up) == (mesh.points @ up_vector(up)).min()
 
 
 def test_what_is_no_axis_is_said():
@@ -91,7 +92,7 @@ def test_it_sags_as_the_body_turned_over(up):
     ]
     assert verdicts[0] == pytest.approx(verdicts[1], rel=1e-6)
     fall = SCENARIOS["fall"]().scene(mesh, up=up)
-    room = scene_room(fall, 0.05)
+    room = scene_room(fall, 20)
     low, high = room.origin, room.origin + room.spacing * (np.array(room.shape) - 1)
     (ground,) = fall.obstacles
     level = np.array(ground.point) @ up_vector(up)

@@ -13,7 +13,7 @@ from autophyx_tet.predictors.grid import Grid, PartVoxels
 from autophyx_tet.predictors.prediction import PartChoice, Prediction
 from autophyx_tet.predictors.predictor import PREDICTORS
 from autophyx_tet.predictors.resolve.resolve import nearest_row
-from autophyx_tet.predictors.text.interpreter import read_sentence
+from autophyx_tet.predictors.text.reader import read_sentence
 from scipy.spatial.transform import Rotation
 
 TABLE = load_table()

@@ -10,19 +10,14 @@ from autophyx_tet.fem.table import load_table
 from autophyx_tet.predictors.assign import predict_materials
 from autophyx_tet.predictors.film.inference import FilmModel, Inference
 from autophyx_tet.predictors.film.predictor import Calibration, Certainty, FilmPredictor
+from autophyx_tet.predictors.film.words import HintedEncoder, overlap, unbound_clauses
 from autophyx_tet.predictors.grid import Grid, PartVoxels
 from autophyx_tet.predictors.partition import SPECK, partition
 from autophyx_tet.predictors.prediction import Prediction
 from autophyx_tet.predictors.resolve.resolve import Lookup, lookup_of
-from autophyx_tet.predictors.text.hearing import (
-    EncodedClause,
-    HintedEncoder,
-    NamedPart,
-    overlap,
-    unbound_clauses,
-    vocabulary_of,
-)
-from autophyx_tet.predictors.text.interpreter import read_sentence
+from autophyx_tet.predictors.text.clauses import Clause, Subject
+from autophyx_tet.predictors.text.parts import NamedPart, vocabulary_of
+from autophyx_tet.predictors.text.reader import read_sentence
 from autophyx_tet.research.datasets.objects import make_objects
 from autophyx_tet.research.datasets.shapes import EMPTY, rasterise
 from autophyx_tet.research.evaluation.parser import listen
@@ -116,8 +111,8 @@ def halves(parts: PartVoxels, *, speck: bool = False) -> Inference:
         shares[4:6, 4:6, 1:3] = [0, 0, 1]  # under 1 % of the cells
     values = np.zeros((*parts.part.shape, 3), dtype=np.float32)
     clauses = [
-        EncodedClause("oak legs", "oak", ("leg",)),
-        EncodedClause("soft foam seat", "soft foam", ("seat",)),
+        Clause("oak legs", (0, 8), Subject("parts", (("leg",),)), "oak", "oak"),
+        Clause("soft foam seat", (0, 14), Subject("parts", (("seat",),)), "soft foam", "soft foam"),
     ]
     return Inference(clauses, values, shares, np.zeros(parts.part.shape))
 

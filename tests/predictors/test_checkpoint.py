@@ -12,8 +12,8 @@ from autophyx_tet.predictors.film.config import NetworkConfig
 from autophyx_tet.predictors.film.inference import load_checkpoint
 from autophyx_tet.predictors.film.predictor import FilmPredictor
 from autophyx_tet.predictors.film.unet import FilmUNet
+from autophyx_tet.predictors.film.words import CHANNELS
 from autophyx_tet.predictors.grid import Grid, PartVoxels
-from autophyx_tet.predictors.text.hearing import CHANNELS
 from autophyx_tet.research.evaluation.parser import listen
 from autophyx_tet.research.training.film.recipe import save_checkpoint
 from safetensors import safe_open

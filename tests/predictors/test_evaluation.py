@@ -10,7 +10,7 @@ from autophyx_tet.fem.table import load_table
 from autophyx_tet.predictors.field import DEFAULT
 from autophyx_tet.predictors.film.config import Output, VoxelScene
 from autophyx_tet.predictors.grid import Grid, PartVoxels
-from autophyx_tet.predictors.text.hearing import Vocabulary
+from autophyx_tet.predictors.text.parts import Vocabulary
 from autophyx_tet.research.datasets.real import CELLS, RealObject
 from autophyx_tet.research.datasets.shapes import EMPTY
 from autophyx_tet.research.evaluation import held_out

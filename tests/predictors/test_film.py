@@ -12,8 +12,8 @@ from autophyx_tet.predictors.film.config import NetworkConfig, VoxelScene, halve
 from autophyx_tet.predictors.film.layers import FilmBlock, MaskedGroupNorm, Modulation
 from autophyx_tet.predictors.film.predictor import FilmPredictor
 from autophyx_tet.predictors.film.unet import USELESS, FilmUNet, count_parameters
+from autophyx_tet.predictors.film.words import CHANNELS, LOUDNESS, with_lexicon
 from autophyx_tet.predictors.grid import Grid, PartVoxels
-from autophyx_tet.predictors.text.hearing import CHANNELS, LOUDNESS, with_lexicon
 from autophyx_tet.research.datasets.constraints import holds
 from autophyx_tet.research.datasets.grammar import (
     Grammar,

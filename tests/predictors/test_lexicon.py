@@ -3,7 +3,7 @@
 import numpy as np
 from autophyx_tet.fem.table import load_table
 from autophyx_tet.predictors.field import DEFAULT
-from autophyx_tet.predictors.text.hearing import (
+from autophyx_tet.predictors.film.words import (
     CHANNELS,
     LOUDNESS,
     HintedEncoder,

@@ -9,8 +9,7 @@ from autophyx_tet.fem.table import load_table, outside_band
 from autophyx_tet.predictors.grid import Grid, PartVoxels
 from autophyx_tet.predictors.predictor import PREDICTORS, Predictor
 from autophyx_tet.predictors.resolve.resolve import Lookup
-from autophyx_tet.predictors.text.interpreter import read_sentence
-from autophyx_tet.predictors.text.reader import parse
+from autophyx_tet.predictors.text.reader import parse, read_sentence
 
 from .phrasings import HELD_OUT, TUNED
 

@@ -4,16 +4,8 @@ import numpy as np
 import pytest
 from autophyx_tet.fem.table import load_table
 from autophyx_tet.predictors.field import DEFAULT
-from autophyx_tet.predictors.text.hearing import (
-    CHANNELS,
-    THINGS,
-    Lexicon,
-    PlainWords,
-    Reader,
-    Vocabulary,
-    known_words,
-    subject,
-)
+from autophyx_tet.predictors.film.words import CHANNELS, Lexicon, PlainWords, Reader, subject
+from autophyx_tet.predictors.text.parts import THINGS, Vocabulary, known_words
 from autophyx_tet.research.datasets.grammar import Grammar
 from autophyx_tet.research.datasets.objects import CATEGORIES
 from autophyx_tet.research.datasets.parts import LEVELS, material_at_level, part_kinds

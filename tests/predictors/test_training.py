@@ -11,8 +11,8 @@ import torch
 from autophyx_tet.fem.errors import InputError
 from autophyx_tet.predictors.film.config import NetworkConfig
 from autophyx_tet.predictors.film.inference import Frame
+from autophyx_tet.predictors.film.words import with_lexicon
 from autophyx_tet.predictors.grid import Grid, PartVoxels
-from autophyx_tet.predictors.text.hearing import with_lexicon
 from autophyx_tet.research.datasets.objects import make_objects
 from autophyx_tet.research.datasets.shapes import EMPTY
 from autophyx_tet.research.datasets.text_table import (

@@ -46,17 +46,17 @@ def test_values_of_a_network_far_from_what_they_are_like_are_no_good_verdict():
     """E eight times that of the nearest row: told, and not called usual for its kind."""
     found = assigned("silver")
     (choice,) = found.choices
-    assert [v.mark for v in found.verdicts() if v.detail == "inside band"] == ["good"]
+    assert [v.mark for v in found.verdicts() if v.name == "inside band"] == ["good"]
     value = choice.value._replace(E=8 * choice.row.E.max)
     guess = replace(found, choices=(replace(choice, network="some", value=value),))
-    (verdict,) = (v for v in guess.verdicts() if v.detail == "inside band")
+    (verdict,) = (v for v in guess.verdicts() if v.name == "inside band")
     assert verdict.mark == "note"
     assert "is not that of silver" in verdict.sentence
 
 
 def test_what_is_only_numbers_gets_no_strength_and_no_tick():
     found = assigned(set=("bar:E=7e10,nu=.33,rho=2700",))
-    (verdict,) = (v for v in found.verdicts() if v.detail in ("inside band", "as stated"))
+    (verdict,) = (v for v in found.verdicts() if v.name in ("inside band", "as stated"))
     assert verdict.mark == "note"
     assert "no strength is known" in verdict.sentence
 

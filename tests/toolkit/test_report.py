@@ -20,7 +20,7 @@ from autophyx_tet.toolkit.report.html import (
     report_page,
     write_report,
 )
-from autophyx_tet.toolkit.verdict.verdict import Verdict, area_words, mass_words, si, volume_words
+from autophyx_tet.toolkit.verdict.verdict import Check, area_words, mass_words, si, volume_words
 
 HOSTILE = (
     "<script>alert(1)</script>",
@@ -58,7 +58,7 @@ def case(text="a rubber bar", *, names=("body",), cells=(4, 3, 5), frames=0):
         PartRow(name, f"{name} matter", name, 1e6, 0.3, 900.0, 1e-3, 0.9, "a table", Span(5e5, 2e6))
         for name in names
     )
-    verdicts = (Verdict("good", f"{text} holds its shape.", "sag 0.4 %"),)
+    verdicts = (Check("holds shape", "passed", f"{text} holds its shape."),)
     stress = 1e4 * (1 + mesh.centroids[:, 2])
     return Case(text, mesh, rows, u, stress, motion, times, (4.2, 7.0), verdicts)
 
@@ -245,7 +245,10 @@ def test_pictures_are_shown_with_their_captions():
 
 def test_what_makes_a_body_unfit_is_found_first():
     """Warnings stand above what holds, each in the order it was found."""
-    marks = ("good", "warning", "note", "bad", "good")
-    found = tuple(Verdict(mark, f"sentence {i}") for i, mark in enumerate(marks))
+    of = {"warning": ("buckling", "failed"), "note": ("dial", "failed")}
+    marks = ("good", "warning", "note", "warning", "good")
+    outcomes = [of.get(mark, ("size", "passed")) for mark in marks]
+    found = tuple(Check(*one, f"sentence {i}") for i, one in enumerate(outcomes))
+    assert tuple(one.mark for one in found) == marks
     page = report_page(content(replace(case(), verdicts=found)))
     assert re.findall(r"sentence (\d)", page) == ["1", "3", "0", "2", "4"]

@@ -40,7 +40,7 @@ def test_sag_knows_the_first_frequency(column):
     bending = np.sqrt(1e8 * SIDE**2 / 12 / 1000.0)
     exact = 1.8751**2 / (2 * np.pi * LENGTH**2) * bending
     np.testing.assert_allclose(result.frequencies[:2], exact, rtol=0.03)
-    assert "first frequency" in {verdict.detail for verdict in result.verdicts()}
+    assert "first frequency" in {verdict.name for verdict in result.verdicts()}
 
 
 def test_modal_writes_shapes_and_one_period(column, tmp_path):
@@ -68,7 +68,7 @@ def test_what_the_mesh_lacks_of_its_file_is_a_verdict(column, tmp_path):
             Sidecar("z").with_record(convert={"report": {"differences": told}}).write(path)
         first, *others = simulate(path).verdicts()
         assert (gaps in first.sentence and first.mark == "warning") == bool(told)
-        marks = {verdict.detail: verdict.mark for verdict in (first, *others)}
+        marks = {verdict.name: verdict.mark for verdict in (first, *others)}
         assert {marks[name] for name in shape} == {"note" if told else "good"}
         Sidecar.path(path).unlink(missing_ok=True)
 

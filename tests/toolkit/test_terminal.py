@@ -1,8 +1,13 @@
 """What a person reads: tables of every verb, each verdict with its way out, frames in one line."""
 
+import tomllib
+from pathlib import Path
+
 from autophyx_tet.toolkit.cli import terminal
-from autophyx_tet.toolkit.verdict.checks import Check
-from autophyx_tet.toolkit.verdict.verdict import ADVICE, Verdict, with_doubts
+from autophyx_tet.toolkit.verdict import sentences
+from autophyx_tet.toolkit.verdict.verdict import Check, with_doubts
+
+ADVICE = tomllib.loads(Path(sentences.__file__).with_suffix(".toml").read_text())["advice"]
 
 
 def shown(capsys, document, lines):
@@ -48,10 +53,10 @@ def test_what_has_no_table_is_told(capsys):
 def test_a_failed_check_says_what_to_do(capsys):
     """The sentence says what was found; then the way out, if it failed."""
     for name, advice in ADVICE.items():
-        checks = (Check(name, passed, 1.0, 2.0, "Found.") for passed in (False, True))
-        bad, good = map(Verdict.of, checks)
+        name = name.replace("_", " ")
+        bad, good = (Check(name, outcome, "Found.") for outcome in ("failed", "passed"))
         body = {"tets": 9, "volume": 1.0, "mass": None, "modal": {"frequencies": ()}}
-        body["modal"]["verdicts"] = [bad, good]
+        body["modal"]["verdicts"] = [bad.document(), good.document()]
         out = shown(capsys, body, terminal.simulation).splitlines()[2:]
         sign = "!" if bad.mark == "warning" else "i"
         assert out == [f"{sign} Found. {advice}", "✓ Found."], name
@@ -60,10 +65,10 @@ def test_a_failed_check_says_what_to_do(capsys):
 def test_in_a_doubtful_unit_nothing_is_a_sure_good():
     """A chair of 900 m: that it holds is told, as of that size; its elements are right at any."""
     of_size = {"holds shape", "strength", "upright", "mass"}
-    checks = [Check(name, True, 1.0, 2.0, f"{name}.") for name in (*of_size, "locking")]
+    checks = [Check(name, "passed", f"{name}.") for name in (*of_size, "locking")]
     for right in (True, False):
-        found = [Verdict.of(check) for check in (*checks, Check("size", right, 1, 2, "Long."))]
-        sure = {one.detail for one in with_doubts(found, ()) if one.mark == "good"}
+        found = [*checks, Check("size", "passed" if right else "failed", "Long.")]
+        sure = {one.name for one in with_doubts(found) if one.mark == "good"}
         assert sure == ({*of_size, "locking", "size"} if right else {"locking"})
 
 

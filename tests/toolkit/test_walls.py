@@ -100,7 +100,7 @@ def test_where_nothing_decides_the_mass_is_an_interval():
     result = assigned("a steel box")
     low, high = result.mass_interval()
     assert high / low > 5
-    verdict = next(v for v in result.verdicts() if v.detail == "mass")
+    verdict = next(v for v in result.verdicts() if v.name == "mass")
     assert "may be hollow" in verdict.sentence
     assert "--wall" in verdict.advice
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -31,6 +31,12 @@ from . import terminal
 Meshing = Annotated[Flat[ConvertOptions], tyro.conf.arg(name="meshing")]
 Materials = Annotated[Flat[AssignOptions], tyro.conf.arg(name="materials")]
 Solving = Annotated[Flat[SimulateOptions], tyro.conf.arg(name="solving")]
+
+
+def given(command: Any, *left: str) -> dict[str, Any]:
+    """What a verb is called with: the fields of its command, without those that are ``left``."""
+    names = (item.name for item in fields(command))
+    return {name: getattr(command, name) for name in names if name not in ("common", *left)}
 
 
 @dataclass(frozen=True)
@@ -66,13 +72,7 @@ class ConvertCommand:
 
             return plan(self.asset, self.options, output=self.output)
         with terminal.progress(quiet=self.common.quiet) as tell:
-            made = convert(
-                self.asset,
-                output=self.output,
-                options=self.options,
-                walls=self.walls,
-                progress=tell,
-            )
+            made = convert(**given(self, "dry_run", "quality"), progress=tell)
         rows = {"quality_rows": made.report.quality.rows()} if self.quality else {}
         return made.document() | rows
 
@@ -104,16 +104,7 @@ class AssignCommand:
         """Run the command and return its document."""
         from ..pipeline import assign
 
-        result = assign(
-            self.mesh,
-            self.text,
-            asset=self.asset,
-            output=self.output,
-            field_output=self.field_output,
-            options=self.options,
-            walls=self.walls,
-        )
-        return result.document()
+        return assign(**given(self)).document()
 
 
 @dataclass(frozen=True)
@@ -151,17 +142,7 @@ class SimulateCommand:
         from ..pipeline import simulate
 
         with terminal.progress(quiet=self.common.quiet) as tell:
-            return simulate(
-                self.mesh,
-                up=self.up,
-                output=self.output,
-                report=self.report,
-                picture=self.picture,
-                drive=self.drive,
-                drive_scale=self.drive_scale,
-                options=self.options,
-                progress=tell,
-            ).document()
+            return simulate(**given(self), progress=tell).document()
 
 
 @dataclass(frozen=True)
@@ -252,8 +233,7 @@ class ReduceCommand:
         """Run the command and return its document."""
         from ..simulation.reducing import reduce
 
-        known = {"up": self.up, "options": self.options, "what_if": self.what_if}
-        return reduce(self.mesh, output=self.output, **known).document()
+        return reduce(**given(self)).document()
 
 
 @dataclass(frozen=True)
@@ -285,10 +265,8 @@ class MatchCommand:
         """Run the command and return its document."""
         from ..simulation.reducing import match
 
-        known = {"up": self.up, "options": self.options, "with_nu": self.with_nu}
-        ends = {"to_stiff": self.to_stiff, "output": self.output}
         with terminal.progress(quiet=self.common.quiet) as tell:
-            return match(self.mesh, self.to, progress=tell, **ends, **known).document()
+            return match(**given(self), progress=tell).document()
 
 
 @dataclass(frozen=True)
@@ -323,15 +301,8 @@ class TransferCommand:
         from ..transfer import transfer
 
         if self.motion is not None:
-            return transfer_motion(
-                self.source,
-                self.target,
-                motion=self.motion,
-                output=self.output,
-                scale=self.options.scale,
-            ).document()
-        result = transfer(self.source, self.target, output=self.output, options=self.options)
-        return result.document()
+            return transfer_motion(**given(self, "options"), scale=self.options.scale).document()
+        return transfer(**given(self, "motion")).document()
 
 
 @dataclass(frozen=True)
@@ -358,8 +329,7 @@ class ExportCommand:
         """Run the command and return its document."""
         from ..transfer import export
 
-        result = export(self.mesh, self.target, output=self.output, options=self.options)
-        return result.document()
+        return export(**given(self)).document()
 
 
 @dataclass(frozen=True)
@@ -392,13 +362,7 @@ class BatchCommand:
         from ..batch import batch
 
         with terminal.counted(quiet=self.common.quiet) as tell:
-            return batch(
-                self.manifest,
-                output=self.output,
-                options=self.options,
-                run_config=self.run_config,
-                progress=tell,
-            ).document()
+            return batch(**given(self), progress=tell).document()
 
 
 @dataclass(frozen=True)
@@ -423,7 +387,7 @@ class FeaturesCommand:
         """Run the command and return its document."""
         from ..features import features
 
-        return features(self.asset, output=self.output, options=self.options).document()
+        return features(**given(self)).document()
 
 
 @dataclass(frozen=True)
@@ -446,7 +410,7 @@ class MaterialsCommand:
         """Run the command and return its document."""
         from ..listing import materials
 
-        return materials(self.query, contents=self.contents)
+        return materials(**given(self))
 
 
 @dataclass(frozen=True)

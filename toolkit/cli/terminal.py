@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from rich.text import Text
 
     from ..batch import Outcome
-    from ..verdict.verdict import Verdict
 
 Document = Mapping[str, Any]
 Shown = Iterator["Table | Text | str"]  # what `show` prints of a document, in order
@@ -248,10 +247,8 @@ def _verdicts(document: Document) -> Iterator[str]:
     """What was found, and what to do about it."""
     from ..verdict.verdict import MARKS
 
-    verdict: Verdict
-    for verdict in document["verdicts"]:
-        advice = f" {verdict.advice}" if verdict.advice else ""
-        yield f"{MARKS[verdict.mark]} {verdict.sentence}{advice}"
+    for found in document["verdicts"]:
+        yield " ".join(filter(None, (MARKS[found["mark"]], found["sentence"], found["advice"])))
 
 
 def _answer(document: Document) -> Iterator[str]:
@@ -267,10 +264,9 @@ def _answer(document: Document) -> Iterator[str]:
     elif answer := document.get("motion"):
         yield (
             f"{answer['frames']} frames of {answer['dt']:.3g} s, "
-            f"a point moves by at most {answer['max_displacement']:.3g} m, "
-            f"largest contact force {answer['max_contact_force']:.3g} N"
+            f"a point moves by at most {answer['max_displacement']:.3g} m"
         )
-        for number, force in enumerate(answer["max_obstacle_forces"], 1):
+        for number, force in enumerate(answer["max_obstacle_forces"] or (), 1):
             yield f"obstacle {number}: at most {force:.3g} N"
     else:
         answer = document["modal"]

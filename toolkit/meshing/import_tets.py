@@ -13,7 +13,7 @@ from ...fem.mesh import TetMesh, boundary_faces
 from ...predictors.asset import Asset, Part, UpAxis
 from ..asset.load import Unit, scaled
 from ..asset.repair import RepairReport
-from .guarantees import ConversionReport, Distances, Guarantee, Region, separate
+from .guarantees import ConversionReport, Distances, Region, separate, sound
 from .quality import quality
 
 SUFFIXES = (".msh", ".vtk", ".vtu", ".mesh")
@@ -75,10 +75,7 @@ def import_tets(
     report = ConversionReport(
         repair=RepairReport(),
         attempts=(),
-        guarantees=(
-            Guarantee("tets without volume", float((mesh.volumes <= 0).sum()), 0),
-            Guarantee("boundary edges not on two faces", float(measured.boundary.bad_edges), 0),
-        ),
+        guarantees=sound(mesh, measured),
         quality=measured,
         regions=tuple(
             Region(name, int(n), float(v), float(v))

@@ -26,13 +26,14 @@ from jaxtyping import Float, Int
 from ...converters.files import writing
 from ...fem.errors import InputError
 from ...fem.mesh import TetMesh
+from ...fem.note import Note
 from ...fem.reduced.model import ReducedModel
 from ...fem.table import Span
 from ...predictors.asset import UpAxis
 from ..verdict.description import Acting, Marks
 from ..verdict.verdict import (
     MARKS,
-    Verdict,
+    Check,
     mass_words,
     rounded,
     si,
@@ -151,7 +152,7 @@ class Case:
     motion: Float[np.ndarray, "frames points 3"] | None = None
     times: Float[np.ndarray, "frames"] | None = None
     frequencies: tuple[float, ...] = ()
-    verdicts: tuple[Verdict, ...] = ()
+    verdicts: tuple[Check, ...] = ()
     title: str = ""
     acting: tuple[Acting, ...] = ()
     marks: Marks | None = None
@@ -285,10 +286,7 @@ def page(content: ReportContent) -> dict[str, Any]:
     for case in content.cases:
         shown = frames_shown(case, content).size
         if case.motion is not None and shown < len(case.motion):
-            warnings.append(
-                f"The page shows {shown} of {len(case.motion)} motion frames to stay small; "
-                "the motion file has them all."
-            )
+            warnings.append(Note("html.frames_shown", shown=shown, frames=len(case.motion)))
     pictures = [
         (caption, "gif" if data.startswith(b"GIF") else "png", base64.b64encode(data).decode())
         for caption, data in content.pictures.items()
@@ -336,7 +334,7 @@ def _column(case: Case, letter: str) -> dict[str, Any]:
             "mark": verdict.mark,
             "sign": MARKS[verdict.mark],
             "sentence": verdict.sentence,
-            "below": verdict.advice or ("" if verdict.mark == "good" else verdict.detail),
+            "below": verdict.advice or ("" if verdict.mark == "good" else verdict.name),
         }  # what makes the body unfit for its use stands first
         for verdict in sorted(case.verdicts, key=lambda one: one.mark in ("good", "note"))
     ]

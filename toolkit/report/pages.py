@@ -31,11 +31,11 @@ from ...predictors.prediction import GUESS
 from ..asset.document import SCHEMA, Sidecar, now, plain, versions, write_json
 from ..meshing.messages import listed
 from ..meshing.quality import Quality, dihedral_angles, quality
-from ..verdict.checks import GIVES_WAY
+from ..verdict.checks import gives_way, times
 from ..verdict.description import describe, marks
 from ..verdict.run import RunResult, Stopwatch
 from ..verdict.simulation import ModalSimulation, Simulation, StaticSimulation
-from ..verdict.verdict import Verdict, si
+from ..verdict.verdict import Check, si
 from .html import Case, Fact, Look, PartRow, ReportContent, TouchBody, report_page, write_report
 from .picture import CAPTION, PARTICLES, feature_png, particle_film, render_png, story
 
@@ -43,7 +43,6 @@ log = logging.getLogger(__name__)
 
 MESHERS = {"ftetwild": "fTetWild", "stuffing": "a lattice cut to the surface"}
 UNJUDGED = "not judged in a motion: a load at rest is, --scenario sag with --load"
-SAFE_TOLD = 1000.0  # safety factors above it are told as more than it
 # How an asset looks: coloured points of its surface, one a pixel of a picture of 200 x 200, and
 # colours, what one map of the page tells apart.
 COLOURED, MOST = 40_000, 64
@@ -171,7 +170,7 @@ def _case(
     text: str,
     simulation: Simulation,
     chosen: Mapping[str, Any],
-    verdicts: Sequence[Verdict] = (),
+    verdicts: Sequence[Check] = (),
     *,
     touch: bool,
 ) -> Case:
@@ -274,9 +273,7 @@ def touch_of(scene: Scene) -> TouchBody:
     except (InputError, ConvergenceError) as error:
         raise UsageError(f"it has no reduced model: {error}") from error
     if model.dofs > MOST_DOFS or len(model.cells) > MOST_CELLS:
-        raise UsageError(
-            f"{model.dofs} coordinates and {len(model.cells)} cells are too many for a page"
-        )
+        raise UsageError("pages.too_many", dofs=model.dofs, cells=len(model.cells))
     return shown(model)
 
 
@@ -356,10 +353,6 @@ def found(simulation: Simulation, parts: Sequence[dict[str, Any]]) -> Iterator[F
 
 def _gives_way(simulation: StaticSimulation) -> str:
     """Strength, then buckling; what the table has no strength of is named."""
-
-    def times(factor: float) -> str:
-        return f"{factor:.3g}" if factor <= SAFE_TOLD else f"more than {SAFE_TOLD:.0f}"
-
     if not simulation.solved.trusted:
         return "it moves too far for this law: no stress of it is to be relied on"
     words = []
@@ -368,7 +361,7 @@ def _gives_way(simulation: StaticSimulation) -> str:
         words.append(
             f"{'yes' if worst.factor < 1 else 'no'}: the least safety factor is "
             f"{times(worst.factor)}, of {worst.part} ({worst.material}) against its "
-            f"{GIVES_WAY[worst.side][1]}"
+            f"{gives_way(worst)[1]}"
         )
     known = {one.part for one in safety}
     unknown = [name for name in simulation.mesh.region_names if name not in known]

@@ -318,9 +318,8 @@ def render_animation(
     """
     path = Path(path)
     if path.suffix.lower() not in ANIMATIONS:
-        raise InputError(
-            f"unknown suffix {path.suffix!r} of {path}, wanted {', '.join(ANIMATIONS)}"
-        )
+        known = {"suffix": path.suffix, "wanted": ", ".join(ANIMATIONS)}
+        raise InputError("picture.suffix", path=path, **known)
     camera, ground = _view(panels, up, pixels)
     count = max(len(panel.frames) for panel in panels)
     sheets = []
@@ -402,16 +401,6 @@ class VoxelShell(NamedTuple):
     cell: np.ndarray
 
 
-def feature_panel(voxels: VoxelFeatures, *, title: str = "") -> Panel:
-    """Panel of the cells of an asset, coloured by what their features have in common."""
-    shell = voxel_shell(voxels.occupied, voxels.grid)
-    row = np.full(voxels.grid.shape, -1)
-    row[tuple(voxels.cells.T)] = np.arange(len(voxels.cells))
-    colours = voxels.picture()[row[tuple(shell.cell.T)]]
-    corners = np.repeat(colours[:, None], 3, axis=1).astype(np.float64)
-    return Panel((ColouredSurface(shell.points, shell.faces, corners),), title)
-
-
 def feature_png(
     path: str | os.PathLike[str],
     voxels: VoxelFeatures,
@@ -420,7 +409,14 @@ def feature_png(
     up: UpAxis = "z",
 ) -> Path:
     """Write the picture of the features, beside the asset as it looks where there is one."""
-    panel = feature_panel(voxels, title=f"features of {voxels.encoder}")
+    # Cells of the asset, coloured by what their features have in common
+    shell = voxel_shell(voxels.occupied, voxels.grid)
+    row = np.full(voxels.grid.shape, -1)
+    row[tuple(voxels.cells.T)] = np.arange(len(voxels.cells))
+    colours = voxels.picture()[row[tuple(shell.cell.T)]]
+    corners = np.repeat(colours[:, None], 3, axis=1).astype(np.float64)
+    surface = ColouredSurface(shell.points, shell.faces, corners)
+    panel = Panel((surface,), f"features of {voxels.encoder}")
     panels = [panel] if asset is None else [asset_panel(asset, title=asset.name), panel]
     return render_png(path, panels, up=up if asset is None else asset.up)
 

@@ -170,7 +170,16 @@ def match(
     """
     options = changed_options(options or SimulateOptions(), given)
     to, to_stiff, output = path_of(to), path_of(to_stiff), path_of(output)
-    _check_options(options, to_stiff, with_nu=with_nu)
+    # Refuse what no fit does
+    if options.solver not in ("lbs", "spring"):
+        raise UsageError("match.nothing_to_fit", solver=options.solver)
+    if options.parameters is not None:
+        raise UsageError("match --parameters: it is what a match writes")
+    springs = options.solver == "spring"
+    if springs and with_nu:
+        raise UsageError("match --with-nu: springs have nu = 1/4")
+    if springs and to_stiff is not None and options.eta != SimulateOptions.eta:
+        raise UsageError("match --to-stiff: eta goes from soft to stiff, leave --eta out")
     if output is not None:
         check_file(output, (".npz",))
     started = time.perf_counter()
@@ -206,21 +215,6 @@ def match(
     return Match(fit=fits[0], stiff=None if len(fits) < 2 else fits[1], assumed=warnings, **told)
 
 
-def _check_options(options: SimulateOptions, stiff: Path | None, *, with_nu: bool) -> None:
-    """Refuse what no fit does."""
-    if options.solver not in ("lbs", "spring"):
-        raise UsageError(
-            f"match has nothing to fit of --solver {options.solver}: wanted --solver lbs or spring"
-        )
-    if options.parameters is not None:
-        raise UsageError("match --parameters: it is what a match writes")
-    springs = options.solver == "spring"
-    if springs and with_nu:
-        raise UsageError("match --with-nu: springs have nu = 1/4")
-    if springs and stiff is not None and options.eta != SimulateOptions.eta:
-        raise UsageError("match --to-stiff: eta goes from soft to stiff, leave --eta out")
-
-
 def _fitted_moduli(
     scene: Scene, model: ReducedModel, frames: EvenMotion, *, with_nu: bool
 ) -> MotionFit:
@@ -228,10 +222,7 @@ def _fitted_moduli(
     start = start_velocity(scene, make_space(scene.mesh, model.order))
     dead = model.pull_back(nodal_forces_of(scene, model.order))
     observed = ObservedMotion(
-        displacement=frames.displacement,
-        dt=frames.dt,
-        load=model.weight(scene.gravity_vector) + dead,
-        velocity=model.coordinates(start),
+        displacement=frames.displacement, dt=frames.dt, load=dead, velocity=model.coordinates(start)
     )
     fits = [
         fit_motion(model, observed, with_nu=with_nu, scheme=scheme)
@@ -243,10 +234,7 @@ def _fitted_moduli(
 def _check_ends(stiffer: float) -> None:
     """Refuse a stiff end that is so many times as stiff [1] as the soft one, less than once."""
     if stiffer < 1:
-        raise InputError(
-            f"the motion of --to-stiff is {stiffer:.3g} times as stiff as that of --to: wanted "
-            "the softer one first"
-        )
+        raise InputError("match.order", stiffer=stiffer)
 
 
 def _scene(mesh: str | Path | TetMesh, options: SimulateOptions, up: UpAxis | None) -> Scene:
@@ -302,10 +290,7 @@ def read_motion(path: Path, points: int) -> EvenMotion:
     for moment, data in read_pvd(path):
         u = data.point_data.get("displacement")
         if u is None or u.shape != (points, 3):
-            raise InputError(
-                f"{path}: frame {len(frames)} has no displacement of {points} points: wanted a "
-                "motion of this mesh, as `simulate -o MOTION.pvd` writes"
-            )
+            raise InputError("match.other_mesh", path=path, frame=len(frames), points=points)
         times.append(moment)
         frames.append(np.asarray(u, dtype=float))
     steps = np.diff(times)
@@ -334,12 +319,15 @@ def answer_table(path: Path, model: ReducedModel, scene: Scene) -> WhatIfTable:
     usual = np.asarray(scene.gravity_vector, dtype=float)
     pairs = zip(GRAVITY, usual, strict=True)
     gravity = np.stack([columns.get(name, g * ones) for name, g in pairs], axis=1)
-    share, dead = columns.get(LOAD, ones), nodal_forces_of(scene, model.order)
+    share, loads = columns.get(LOAD, ones), (*np.eye(3), np.zeros(3))
+    # What every metre a second squared of gravity along x, y, z does, over all else that acts
+    *weighs, dead = (nodal_forces_of(replace(scene, gravity_vector=g), model.order) for g in loads)
+    weighs = np.stack(weighs) - dead
 
     def forces(run: int) -> np.ndarray:
-        return share[run] * (model.mass[:, None] * gravity[run] + dead)
+        return share[run] * (np.tensordot(gravity[run], weighs, axes=1) + dead)
 
-    weights = np.stack([model.weight(axis) for axis in np.eye(3)])
+    weights = np.stack([model.pull_back(w) for w in weighs])
     loads = share[:, None] * (gravity @ weights + model.pull_back(dead))
     started = time.perf_counter()
     found = what_if(model, scales=scales, loads=loads)

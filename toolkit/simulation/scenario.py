@@ -19,6 +19,7 @@ from ...fem.grain import Grained, grained_parts, parts_of_grain, with_grains
 from ...fem.identify import MotionFit
 from ...fem.mesh import TetMesh, join_meshes, material_of
 from ...fem.mpm.materials import MaterialClass, Substance, class_of, triaxial_friction
+from ...fem.note import Note
 from ...fem.scene.conditions import (
     KINDS,
     LOADS,
@@ -89,13 +90,19 @@ def run_scenario(
     mesh, rows = _with_bodies(mesh, materials or {}, stated.bodies)
     scenario = _scenario(options, stated.gravity)
     kind = method_name(options, scenario)
-    method = chosen_method(kind, options, rows, announce(progress, started), classes=classes)
+    tell = announce(progress, started)
+    if kind == "mpm":
+        method: Method = particle_method(options, rows, tell, classes=classes)
+    elif kind == "spring":
+        method = spring_method(options, tell)
+    else:
+        method = reduced_method(options, tell) if kind == "lbs" else METHODS[kind]
     if options.law and method.laws and options.law not in method.laws:
-        raise UsageError(
-            f"--scenario {options.scenario} knows only --law {', '.join(method.laws)}, "
-            f"got {options.law!r}"
-        )
+        known = {"scenario": options.scenario, "laws": ", ".join(method.laws), "law": options.law}
+        raise UsageError("scenario.laws", **known)
     scene = scene_of_options(mesh, options, up=up, materials=rows)
+    if options.refine is not None:
+        scene = _refined(scene, options, kind)
     result = method.solve(
         scene,
         law=options.law,
@@ -119,6 +126,27 @@ def run_scenario(
     return replace(answer, seconds=time.perf_counter() - started)
 
 
+def _refined(scene: Scene, options: SimulateOptions, kind: str) -> Scene:
+    """The scene on a mesh that is fine enough, or a warning of why it is not."""
+    from ...fem.solve.refinement import refine_scene
+
+    percent = cast("float", options.refine)
+    if kind != "statics" or options.order == 1:
+        raise UsageError("scenario.refine_rest")
+    if not 0.01 <= percent <= 100:
+        raise UsageError("scenario.refine_percent", percent=percent)
+    refined = refine_scene(scene, percent / 100, device=options.device)
+    before, after = len(scene.mesh.tets), len(refined.scene.mesh.tets)
+    values: Any = {"before": before, "after": after, "error": refined.error, "goal": percent / 100}
+    if refined.why:
+        note = Note("scenario.refined_short", why=refined.why, **values)
+    elif not refined.error <= percent / 100:
+        note = Note("scenario.refined_unknown", goal=percent / 100)
+    else:
+        note = Note("scenario.refined", **values)
+    return replace(refined.scene, warnings=(*scene.warnings, note))
+
+
 def scene_of_options(
     mesh: TetMesh,
     options: SimulateOptions,
@@ -136,9 +164,7 @@ def scene_of_options(
         what = f"--scenario {options.scenario}" if kind == "dynamics" else f"--solver {kind}"
         raise UsageError(f"--move is for bodies at rest: {what} is a motion")
     if kind in ("statics", "modal") and conditions.obstacle:
-        raise UsageError(
-            "--obstacle: only motions meet obstacles: --scenario drop, squeeze ... or --solver mpm"
-        )
+        raise UsageError("scenario.obstacle_at_rest")
     for load in (*LOADS, "move") if kind == "modal" else ():
         if getattr(conditions, load):
             raise UsageError(f"--{load}: loads do not change vibrations; --fix does")
@@ -148,12 +174,9 @@ def scene_of_options(
     scene = conditions.applied(scenario.scene(mesh, up=up))
     held = scene.held
     if held.fixed.all() and not held.values.any():
-        raise UsageError(
-            "every point of the body is held: nothing can move, wanted a smaller --fix"
-        )
+        raise UsageError("scenario.all_held")
     if options.scenario == "drop" and held.fixed.any():
-        swings = "drop: the body is held, so that it does not fall, but swings under its weight"
-        notes = (*notes, swings)
+        notes = (*notes, Note("scenario.swings"))
     return replace(scene, self_contact=options.self_contact, warnings=(*scene.warnings, *notes))
 
 
@@ -270,28 +293,6 @@ def method_name(options: SimulateOptions, scenario: Scenario) -> str:
     return options.solver
 
 
-def chosen_method(
-    name: str,
-    options: SimulateOptions,
-    materials: Mapping[str, str],
-    announce: Callable[[str], None] | None = None,
-    *,
-    classes: Mapping[str, str] | None = None,
-) -> Method:
-    """Return the method ``name`` with the options that are its own, loaded when asked for.
-
-    ``materials`` are rows of the table by part, ``classes`` of matter those that were found of
-    them; ``announce`` hears what the run will cost.
-    """
-    if name == "mpm":
-        return particle_method(options, materials, announce, classes=classes)
-    if name == "spring":
-        return spring_method(options, announce)
-    if name == "lbs":
-        return reduced_method(options, announce)
-    return METHODS[name]
-
-
 def reduced_method(
     options: SimulateOptions, announce: Callable[[str], None] | None = None
 ) -> ReducedMethod:
@@ -328,10 +329,7 @@ def spring_method(
     for name in ("anchors", "neighbours", "eta"):
         asked, fitted = getattr(options, name), getattr(fit, name)
         if asked not in (fitted, getattr(SimulateOptions, name)):
-            raise UsageError(
-                f"--{name} {asked:g}: --parameters were fitted with {fitted:g}, and hold for it "
-                "alone; leave it out"
-            )
+            raise UsageError("scenario.fitted_with", name=name, asked=asked, fitted=fitted)
     network = {"anchors": fit.anchors, "neighbours": fit.neighbours, "eta": fit.eta}
     ends = 1 if isnan(fit.stiffer) else 2
     alpha = checked_alpha(options.parameters_alpha, ends)
@@ -366,9 +364,7 @@ def particle_method(
         # Say which number a preset would leave out in silence
         for name in ("grid", "stiff", "damping"):
             if getattr(options, name) != getattr(SimulateOptions, name):
-                raise UsageError(
-                    f"--preset {options.preset} has its own --{name}: leave one of them out"
-                )
+                raise UsageError("scenario.preset_has", preset=options.preset, name=name)
     if not (np.isfinite(options.damping) and options.damping >= 0):
         raise UsageError(f"--damping {options.damping:g}: wanted a rate >= 0 [1/s]")
     own = MpmMethod(grid=options.grid, stiff=Stiff(options.stiff), damping=options.damping)
@@ -443,10 +439,8 @@ def flowing_substances(
         values: dict[str, Any] = _from_tables(name, LIKE.get(name, own)) | _from_tables(name, own)
         missing = [number for number in WANTED.get(name, ()) if number not in values]
         if missing:
-            notes.append(
-                f"{part}: {row} is {name}, but the tables know no {missing[0]} of it: elastic; "
-                f"--matter {part}={name},{missing[0]}=... makes it flow"
-            )
+            known = {"part": part, "row": row, "name": name, "number": missing[0]}
+            notes.append(Note("scenario.stays_elastic", **known))
             continue
         numbers = "".join(f", {number} {value:.3g}" for number, value in values.items())
         notes.append(f"{part}: {name} as {row} is{numbers}; --matter {part}=jelly keeps it elastic")
@@ -486,9 +480,7 @@ class Moduli(NamedTuple):
 def checked_alpha(alpha: float | None, ends: int) -> float:
     """Where between a soft end (0) and a stiff one (1), by default the middle; of one end, 0."""
     if alpha is not None and (ends < 2 or not 0 <= alpha <= 1):
-        raise UsageError(
-            f"--parameters-alpha {alpha:g}: wanted 0 to 1, with --parameters of `match --to-stiff`"
-        )
+        raise UsageError("scenario.alpha", alpha=alpha)
     return 0.0 if ends < 2 else 0.5 if alpha is None else alpha
 
 

@@ -15,6 +15,7 @@ from ...converters.registry import POINT_FORMATS
 from ...fem.errors import ConvergenceError, InputError, UsageError
 from ...fem.mesh import TetMesh
 from ...fem.mpm.time_step import MpmError
+from ...fem.note import Note
 from ...fem.solve.method import SCENARIOS
 from ...predictors.asset import UpAxis
 from ...predictors.field import MaterialField
@@ -101,13 +102,15 @@ def simulate(
     # What is no mesh of tets is a body of voxels, for particles
     body = None
     if not isinstance(mesh, TetMesh):
-        scale = 1.0 if drive_scale is None else drive_scale
-        body = _voxel_body(source, cells=_cells(options), scale=scale)
+        cells = options.grid
+        if options.preset:
+            from ...fem.mpm.method import PRESETS
+
+            cells = PRESETS[options.preset].grid
+        body = _voxel_body(source, cells=cells, scale=drive_scale or 1.0)
     if body is not None:
         if options.solver != "mpm" and SCENARIOS[options.scenario].method != "mpm":
-            raise UsageError(
-                f"{source} is no mesh: --solver mpm makes particles of it, or `convert` it"
-            )
+            raise UsageError("simulate.no_mesh", source=source)
         if output is not None and not output.suffix:
             drive = drive or body.carrier
     # What is to be written can be written, before the work
@@ -223,24 +226,8 @@ def _voxel_body(path: Path, *, cells: int, scale: float = 1.0) -> VoxelBody | No
 
     solid = np.asarray(field.occupied)
     outer = 1 - binary_erosion(solid).sum() / solid.sum()
-    return VoxelBody(
-        tets_of_field(field),
-        (
-            f"filled: {solid.sum():,} voxels of {field.grid.h:.3g} m; the {outer:.0%} at the "
-            "surface are taken as full: mass and thickness may be half of that too large",
-        ),
-        path,
-        {},
-    )
-
-
-def _cells(options: SimulateOptions) -> int:
-    """Cells along the longest side, by the preset or as said."""
-    if not options.preset:
-        return options.grid
-    from ...fem.mpm.method import PRESETS
-
-    return PRESETS[options.preset].grid
+    filled = Note("simulate.filled", voxels=solid.sum(), size=field.grid.h, outer=outer)
+    return VoxelBody(tets_of_field(field), (filled,), path, {})
 
 
 def rows_of_field(field: MaterialField) -> dict[str, str]:

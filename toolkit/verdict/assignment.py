@@ -11,6 +11,7 @@ import numpy as np
 
 from ...fem.errors import BandError, UsageError
 from ...fem.mesh import TetMesh, material_of
+from ...fem.note import Note
 from ...fem.table import AS_STATED, FIELDS, MaterialValue, Span, outside_band
 from ...fem.uncertainty import MIDDLE
 from ...predictors.construction import MassInterval
@@ -18,7 +19,7 @@ from ...predictors.field import MaterialField
 from ..asset.document import BodyRecord, Sidecar, mesh_document
 from ..meshing.messages import listed
 from ..walls import FAR_APART, BuiltPart
-from .verdict import ADVICE, Verdict, as_table, in_a_line
+from .verdict import Check, as_table, in_a_line
 
 if TYPE_CHECKING:
     from ...converters.transfer import SampledMesh
@@ -49,8 +50,7 @@ class Assignment:
     def __repr__(self) -> str:
         return in_a_line(self)
 
-    def _repr_html_(self) -> str:
-        return as_table(self)
+    _repr_html_ = as_table
 
     def part_rows(self) -> list[dict[str, Any]]:
         """One row a part: material, values, ranges, source, why, volume [m^3], mass [kg].
@@ -127,7 +127,7 @@ class Assignment:
         """Raise ``BandError`` where a part's E, nu or rho leave the band of its category."""
         for choice in self.choices:
             complaints = outside_band(choice.row.category, *choice.value)
-            if complaints:
+            if complaints and not choice.is_cellular:
                 raise BandError(f"part {choice.part!r}, {choice.material}: {'; '.join(complaints)}")
 
     def check_doubts(self) -> None:
@@ -137,43 +137,39 @@ class Assignment:
             more = f" (and {len(others)} more)" if others else ""
             raise UsageError(f"--strict: {first}{more}")
 
-    def verdicts(self) -> list[Verdict]:
+    def verdicts(self) -> list[Check]:
         """Whether E, nu and rho are usual, and how well the mass is known."""
         # Whether the E, nu and rho of every part are usual for its category
-        said = [
-            f"{choice.part}: {complaint}"
+        odd: list[tuple[str, str]] = [
+            (choice.part, Note("checks.outside_band", part=choice.part, complaint=complaint))
             for choice in self.choices
             for complaint in outside_band(choice.row.category, *choice.value)
+            if not choice.is_cellular
         ]
         # and a network's own E near the row that it is said to be like
         for choice in self.choices:
             E, row = choice.value.E, choice.row
             if choice.network and not row.E.min / UNLIKE <= E <= row.E.max * UNLIKE:
-                said.append(
-                    f"{choice.part}: E = {E:.3g} Pa is not that of {row.name}, the nearest row "
-                    f"({row.E.min:.3g} to {row.E.max:.3g})."
-                )
-        found = [Verdict("note", one, "inside band", ADVICE["inside band"]) for one in said]
+                span = {"E": E, "row": row.name, "low": row.E.min, "high": row.E.max}
+                odd.append((choice.part, Note("checks.unlike_row", part=choice.part, **span)))
+        found = [Check("inside band", "failed", said, part=part) for part, said in odd]
         stated = [repr(c.part) for c in self.choices if c.row.category == AS_STATED]
         if len(stated) < len(self.choices) and not found:
-            usual = "E, nu and rho of every part are usual for its kind."
-            found.append(Verdict("good", usual, "inside band"))
+            found.append(Check("inside band", "passed", Note("checks.inside_band")))
         if stated:
-            numbers = "no strength is known of what is only numbers, as stated."
-            found.append(Verdict("note", f"{', '.join(stated)}: {numbers}", "as stated"))
+            said = Note("checks.as_stated", parts=", ".join(stated))
+            found.append(Check("as stated", "doubtful", said))
         # How far the mass may be off, where nothing says whether parts are hollow
         low, high = self.mass_interval()
         parts = [b.construction.part for b in self.built if b.construction.form == "unknown"]
         if parts and high > FAR_APART * low:
-            weighs = (
-                f"It weighs {self.mesh.mass:.3g} kg if {listed(parts)} "
-                f"{'are' if len(parts) > 1 else 'is'} solid as drawn, "
-                f"{low:.2g} to {high:.2g} kg by what may be hollow, its density and its volume."
-            )
-            found.append(Verdict("note", weighs, "mass", ADVICE["mass"]))
+            told = {"mass": self.mesh.mass, "low": low, "high": high}
+            told |= {"parts": listed(parts), "are": "are" if len(parts) > 1 else "is"}
+            said = Note("checks.may_be_hollow", **told)
+            found.append(Check("mass", "failed", said, high, FAR_APART * low, "kg"))
         return found
 
-    def _drawn_mass(self) -> Iterator[Verdict]:
+    def _drawn_mass(self) -> Iterator[Check]:
         """What it weighs in nine of ten samples of what is unknown."""
         draws = self.draws
         if not draws:
@@ -185,8 +181,8 @@ class Assignment:
                 rho = np.array([value.rho for value in draws[choice.part]])
                 total = total + each[choice.part] / built.as_built(choice.value).rho * rho
         low, high = np.quantile(total, MIDDLE)
-        said = f"Nine times in ten of {len(total)} samples it weighs {low:.3g} to {high:.3g} kg."
-        yield Verdict("good", said, "range", "")
+        said = Note("checks.drawn_mass", count=len(total), low=low, high=high)
+        yield Check("range", "passed", said, high / low)
 
     def described(self) -> Sidecar:
         """Return the sidecar of the mesh, with the choices on record."""
@@ -200,7 +196,7 @@ class Assignment:
             **mesh_document(self.mesh),
             "mass_interval": list(self.mass_interval()),
             "parts": self.part_rows(),
-            "verdicts": [*self.verdicts(), *self._drawn_mass()],
+            "verdicts": [one.document() for one in (*self.verdicts(), *self._drawn_mass())],
             "doubts": self.doubts,
             "warnings": self.warnings,
         }

@@ -1,23 +1,25 @@
-"""Verdicts on a simulated body, at rest and in motion: number, threshold and sentence of each."""
+"""Checks of a simulated body, at rest and in motion: number, limit and outcome of each."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
 
 from ...fem.laws.law import LAWS
-from ...fem.mesh import USUAL_SIZE, TetMesh, edge_fraction, largest_explicit_step, material_of
+from ...fem.mesh import USUAL_SIZE, TetMesh, edge_fraction, largest_explicit_step
+from ...fem.note import Note
+from ...fem.reactions import standing_pieces
 from ...fem.safety import Safety
 from ...fem.scene.scene import Scene
-from ...fem.scene.up import up_vector
 from ...fem.solve.contact import support_polygon
 from ...fem.solve.result import (
     BENDS_ALIKE,
+    CUBIC,
     LOCKING,
     MOTION_LIMIT,
+    SAFETY,
+    DiscretisationError,
     LoadFactor,
     Modes,
     MotionResult,
@@ -28,16 +30,13 @@ from ...fem.solve.result import (
     too_coarse,
 )
 from ...fem.uncertainty import Interval, Likely
+from .verdict import Check, Outcome, with_doubts
 
 # A body holds its shape if no point moves more than this fraction of its longest side.
 HOLDS = 0.05
 CRUMBS = 1e-3  # fraction of the volume that may be attached to nothing that is held
 # A displacement is trusted to this discretisation error.
 TRUSTED = 0.1
-OFF_BY = {
-    "cubic surplus": "by what cubic elements would add to its quadratic ones",
-    "P1/P2": "by what quadratic elements add to its linear ones",
-}
 # A body stands where it buckles under no less than this multiple of its load.
 STANDS = 1.0
 SLIDES = 0.05  # friction [1] that any ground has but ice; less is not told
@@ -56,58 +55,11 @@ VISIBLE = 0.005
 USUAL_DENSITY = ((0.3, 10.0, 23_000.0), (1.0, 10.0, 3_000.0), (np.inf, 10.0, 1_000.0))
 # Bulky: no side of the box is below this fraction of the longest.
 BULKY = 0.1
-# A part gives way below this safety factor.
-SAFE = 1.0
-# What a part does past its limit, and what the limit is called, by what is judged there.
-GIVES_WAY = {
-    "equivalent": ("yields", "yield strength"),
-    "tension": ("cracks", "tensile strength"),
-    "compression": ("is crushed", "compressive strength"),
-}
-
-
-Outcome = Literal["passed", "failed", "doubtful", "not made"]
-
-
-@dataclass(frozen=True)
-class Check:
-    """One verdict: ``passed`` compares ``value`` with ``threshold``; ``sentence`` says it.
-
-    One that was not ``made`` has not passed, and its sentence says why; ``doubt`` is a sentence on
-    what a check that passed cannot know.
-    """
-
-    name: str
-    passed: bool
-    value: float
-    threshold: float
-    sentence: str
-    made: bool = True
-    doubt: str = ""
-
-    @property
-    def outcome(self) -> Outcome:
-        """Which of the four it is."""
-        if not self.made:
-            return "not made"
-        return "failed" if not self.passed else "doubtful" if self.doubt else "passed"
-
-
-# What no check of a rest is sure of where another one was not made, by the name of that.
-DOUBTS = {
-    "buckling": "Whether it buckles was not checked.",
-    "discretisation": "What the mesh costs was not estimated.",
-}
-OF_A_REST = ("holds shape", "buckling", "upright", "strength")
-
-
-def with_unmade(checks: Sequence[Check]) -> list[Check]:
-    """``checks`` of a rest, those that passed in doubt where another one was not made."""
-    doubts = " ".join(DOUBTS[c.name] for c in checks if not c.made and c.name in DOUBTS)
-    return [
-        replace(c, doubt=doubts) if doubts and c.passed and c.name in OF_A_REST else c
-        for c in checks
-    ]
+# Where stress has no bound it grows by a third as edges are halved: thrice by an eighth of them. A
+# place reaches this much further than its points.
+UNBOUNDED, REACH = 3.0, 1.05
+# A part gives way below this safety factor; factors above the other are told as more than it.
+SAFE, SAFE_TOLD = 1.0, 1000.0
 
 
 def percent(value: float) -> str:
@@ -117,129 +69,118 @@ def percent(value: float) -> str:
     return f"{100 * value:.2g} %" if value < 0.995 else f"{100 * value:,.0f} %"
 
 
+def times(factor: float) -> str:
+    """A factor in words: three digits, unless it is large."""
+    return f"{factor:.3g}" if factor <= SAFE_TOLD else f"more than {SAFE_TOLD:.0f}"
+
+
+def _passed(passed: bool) -> Outcome:
+    return "passed" if passed else "failed"
+
+
 def holds_shape(result: SagResult) -> Check:
     """Whether the body keeps its shape under its load: it sags little, and does not buckle."""
-    ratio, factor = result.sag_ratio, result.load_factor
-    buckled, loose = factor is not None and factor.value < STANDS, result.assumed > CRUMBS
-    passed = ratio <= HOLDS and not buckled and result.trusted and not loose
-    does = "holds its shape" if passed else "does not hold its shape"
-    also = f", and it buckles under {factor.value:.3g} times its load" if factor and buckled else ""
-    also += "" if result.trusted else "; how it comes to lie was not found"
-    also += f"; {percent(result.assumed)} of its volume is attached to nothing" if loose else ""
-    return Check(
-        "holds shape", passed, ratio, HOLDS,
-        f"It {does}: a point moves {percent(ratio)} of its longest side (limit {HOLDS:.0%}){also}.",
-    )  # fmt: skip
+    ratio, factor, also = result.sag_ratio, result.load_factor, ""
+    if factor is not None and factor.value < STANDS:
+        also += Note("checks.and_buckles", factor=factor.value)
+    if not result.trusted:
+        also += Note("checks.rest_unknown")
+    if result.assumed > CRUMBS:
+        also += Note("checks.attached_to_nothing", fraction=percent(result.assumed))
+    passed = ratio <= HOLDS and not also
+    told = {"moved": percent(ratio), "limit": HOLDS, "also": also}
+    said = Note("checks.holds_shape" if passed else "checks.loses_shape", **told)
+    return Check("holds shape", _passed(passed), said, ratio, HOLDS)
 
 
 def discretisation(result: SagResult) -> Check:
     """Whether the mesh is fine enough for the answer."""
     error = result.discretisation_error
     if error.why:
-        said = f"How far the mesh is off was not estimated: {error.why}."
-        return Check("discretisation", False, error.value, TRUSTED, said, made=False)
+        said = Note("checks.mesh_unmade", why=error.why)
+        return Check("discretisation", "not made", said, error.value, TRUSTED, why=error.why)
     about, passed = error.bound, error.bound <= TRUSTED
-    by = OFF_BY[error.kind]
-    by += ", at small strains" if LAWS[result.static.law].finite else ""
+    by = Note("checks.by_cubic" if error.kind == CUBIC else "checks.by_quadratic")
+    by += Note("checks.at_small_strains") if LAWS[result.static.law].finite else ""
+    # what rounds to the limit is told with one more digit
     shown = f"{about:.0%}" if round(about, 2) != TRUSTED or passed else f"{about + 5e-4:.1%}"
-    edge = "" if passed else f"{edge_fraction(result.static.mesh):.2g}"
-    does = f"coarse, its edges {edge} of its diagonal" if edge else "fine enough"
-    said = f"largest displacement within about {shown} (limit {TRUSTED:.0%}), {by}"
-    said = f"The mesh is {does}: {said}."
-    return Check("discretisation", passed, about, TRUSTED, said)
+    told = {"about": shown, "limit": TRUSTED, "by": by}
+    told["edge"] = edge_fraction(result.static.mesh)
+    said = Note("checks.mesh_fine" if passed else "checks.mesh_coarse", **told)
+    return Check("discretisation", _passed(passed), said, about, TRUSTED)
 
 
-def buckling(factor: LoadFactor | None, why: str = "") -> Check:
-    """Whether the body takes its load without buckling; without a factor ``why`` is told."""
+def buckling(factor: LoadFactor | None, why: str = "", *, ends: Interval | None = None) -> Check:
+    """Whether the body takes its load without buckling; without a factor ``why`` is told.
+
+    ``ends`` are the factors of its softest and its stiffest materials: the softest decides.
+    """
     if factor is None:
-        said = f"Whether it buckles was not checked: {why}."
-        return Check("buckling", False, np.nan, STANDS, said, made=False)
-    passed = factor.value >= STANDS
-    times = "more than 1000" if np.isinf(factor.value) else f"{factor.value:.3g}"
-    return Check(
-        "buckling", passed, factor.value, STANDS,
-        f"It {'does not buckle' if passed else 'buckles'}: {times} times its load would make it do "
-        f"so (limit {STANDS:g}).",
-    )  # fmt: skip
+        said = Note("checks.buckling_unmade", why=why)
+        return Check("buckling", "not made", said, np.nan, STANDS, why=why)
+    least = factor.value if ends is None else min(ends.low, factor.value)
+    passed, told = least >= STANDS, {"times": times(least), "limit": STANDS}
+    said = Note("checks.stands" if passed else "checks.buckles", **told)
+    if least < factor.value:
+        said += Note("checks.at_softest", middle=times(factor.value))
+    return Check("buckling", _passed(passed), said, least, STANDS)
 
 
 def stays_upright(result: SagResult, scene: Scene) -> tuple[Check, ...]:
     """Whether the body would stand if its base were not held; nothing where it need not."""
     if scene.ground is None or scene.holds or not result.trusted or result.assumed:
         return ()
-    mesh, held = result.static.mesh, result.static.reaction
-    force, moment = -held.sum(axis=0), -np.cross(result.static.space.nodes, held).sum(axis=0)
-    if not np.any(scene.gravity_vector):
-        mass = mesh.volumes * material_of(mesh).rho
-        middle = mass @ mesh.points[mesh.tets].mean(axis=1) / mass.sum()
-        weight = -GRAVITY * mass.sum() * up_vector(scene.up)
-        force, moment = force + weight, moment + np.cross(middle, weight)
-    inside, friction = support_polygon(mesh.points[result.supported], force, moment, scene.up)
-    passed, where = inside >= 0, f"{abs(inside):.2g} m {'within' if inside >= 0 else 'outside'}"
-    does = "stays upright" if passed else "would tip over if its base were not held"
-    said = f"its load meets the ground {where} its feet"
-    said += f", and it slides where friction is below {friction:.2g}" if friction > SLIDES else ""
+    pieces = standing_pieces(scene, result.static, GRAVITY)
+    inside, friction = min(support_polygon(*piece, scene.up) for piece in pieces)
+    passed = bool(inside >= 0)
+    slides = Note("checks.slides", friction=friction) if friction > SLIDES else ""
+    said = Note("checks.upright" if passed else "checks.tips", away=abs(inside), slides=slides)
     if np.isinf(inside):
-        does, said = "would lift off if its base were not held", "its load outdoes its weight"
-    return (Check("upright", passed, inside, 0.0, f"It {does}: {said}."),)
+        said = Note("checks.lifts_off")
+    return (Check("upright", _passed(passed), said, inside, 0.0, "m"),)
 
 
 def first_frequency(modes: Modes) -> Check:
     """Whether the body rings rather than wobbles."""
     value = float(modes.frequencies[0])
-    passed = value >= WOBBLES
-    does = "is stiff" if passed else "wobbles"
-    return Check(
-        "first frequency", passed, value, WOBBLES,
-        f"It {does}: its first natural frequency is {value:.3g} Hz (limit {WOBBLES:g} Hz).",
-    )  # fmt: skip
+    passed, told = value >= WOBBLES, {"value": value, "limit": WOBBLES}
+    said = Note("checks.is_stiff" if passed else "checks.wobbles", **told)
+    if passed and (1 - SAFETY * modes.error) * value < WOBBLES:
+        why = Note("checks.frequency_error", off=percent(modes.error))
+        return Check("first frequency", "doubtful", said, value, WOBBLES, "Hz", why=why)
+    return Check("first frequency", _passed(passed), said, value, WOBBLES, "Hz")
 
 
 def explicit_step(mesh: TetMesh) -> Check:
     """Whether an explicit simulator with the usual step would be stable."""
     value = largest_explicit_step(mesh)
-    passed = value >= USUAL_STEP
-    return Check(
-        "explicit step", passed, value, USUAL_STEP,
-        f"An explicit simulator needs steps below {value:.2g} s "
-        f"({'within' if passed else 'far from'} the usual {USUAL_STEP:g} s).",
-    )  # fmt: skip
+    passed, told = value >= USUAL_STEP, {"value": value, "limit": USUAL_STEP}
+    said = Note("checks.step_usual" if passed else "checks.step_short", **told)
+    return Check("explicit step", _passed(passed), said, value, USUAL_STEP, "s")
 
 
 def distinguishable(one: SagResult, two: SagResult) -> Check:
     """Whether two materials under one scenario can be told apart by eye."""
-    high = max(one.max_displacement, two.max_displacement)
-    low = min(one.max_displacement, two.max_displacement)
+    low, high = sorted((one.max_displacement, two.max_displacement))
     factor = float(high / low) if low > 0 else np.inf
-    seen = high >= VISIBLE * max(one.height, two.height)
-    passed = bool(factor >= DIFFERENT and seen)
-    do = "look different" if passed else "look alike"
-    return Check(
-        "distinguishable", passed, factor, DIFFERENT,
-        f"The two materials {do}: their displacements differ {factor:.3g}-fold, the larger is "
-        f"{percent(high / max(one.height, two.height))} of the height.",
-    )  # fmt: skip
+    seen = high / max(one.height, two.height)
+    passed = bool(factor >= DIFFERENT and seen >= VISIBLE)
+    told = {"factor": factor, "seen": percent(seen)}
+    said = Note("checks.look_different" if passed else "checks.look_alike", **told)
+    return Check("distinguishable", _passed(passed), said, factor, DIFFERENT)
 
 
 def locking(result: StaticResult | MotionResult) -> Check:
     """Whether the elements stand nearly incompressible materials, and bending."""
-    fraction, used = (
-        result.locking_fraction,
-        f"{'quadratic' if result.order == 2 else 'linear'} elements",
-    )
-    if isinstance(result, StaticResult):
-        used += " with pressures averaged around the nodes" if result.averaged else ""
-    elif not fraction and (coarse := too_coarse(result.stiffening)):
-        sentence = f"The answer is too stiff: {coarse} (limit {BENDS_ALIKE:g})."
-        return Check("locking", False, result.stiffening, BENDS_ALIKE, sentence)
-    if fraction == 0:
-        sentence = f"The elements suit the material: {used}."
-    else:
-        sentence = (
-            f"The answer is too stiff: {used} lock where nu is above {LOCKING:g}, "
-            f"{fraction:.0%} of the volume."
-        )
-    return Check("locking", fraction == 0, fraction, 0.0, sentence)
+    fraction = result.locking_fraction
+    used = Note("checks.quadratic" if result.order == 2 else "checks.linear")
+    moving = isinstance(result, MotionResult)
+    if moving and not fraction and (coarse := too_coarse(result.stiffening)):
+        said = Note("checks.bends_stiffly", coarse=coarse, limit=BENDS_ALIKE)
+        return Check("locking", "failed", said, result.stiffening, BENDS_ALIKE)
+    told = {"used": used, "nu": LOCKING, "fraction": fraction}
+    said = Note("checks.elements_suit" if fraction == 0 else "checks.elements_lock", **told)
+    return Check("locking", _passed(fraction == 0), said, fraction, 0.0)
 
 
 def usual_size(mesh: TetMesh, *, stated: bool = False) -> Check:
@@ -249,13 +190,11 @@ def usual_size(mesh: TetMesh, *, stated: bool = False) -> Check:
     """
     longest = float(np.ptp(mesh.bounds, axis=0).max())
     low, high = USUAL_SIZE
-    passed = stated or low <= longest <= high
-    unit = "--units mm (or cm)" if longest > high else "--units m (or --size METRES)"
-    doubt = f": the file's numbers are likely in another unit. Convert with {unit}"
-    return Check(
-        "size", passed, longest, high if longest > high else low,
-        f"It is {longest:.3g} m long and weighs {mesh.mass:.3g} kg{'' if passed else doubt}.",
-    )  # fmt: skip
+    limit, told = high if longest > high else low, {"longest": longest, "mass": mesh.mass}
+    if stated or low <= longest <= high:
+        return Check("size", "passed", Note("checks.size", **told), longest, limit, "m")
+    said = Note("checks.size_large" if longest > high else "checks.size_small", **told)
+    return Check("size", "failed", said, longest, limit, "m")
 
 
 def usual_mass(mesh: TetMesh) -> Check:
@@ -266,32 +205,42 @@ def usual_mass(mesh: TetMesh) -> Check:
     size = longest if bulky else 0.0
     low, high = next((low, high) for most, low, high in USUAL_DENSITY if size <= most)
     density = mesh.mass / float(sides.prod())
-    passed = bool(low <= density <= high)
-    heavy = density > high
-    said = "usual for its size" if passed else f"far {'more' if heavy else 'less'} than is usual"
-    question = "" if passed else " Is it solid throughout?" if heavy else " Is it so light?"
-    return Check(
-        "mass", passed, density, high if heavy else low,
-        f"Its mass is {said}: {density:.3g} kg per m3 of its box "
-        f"(things of that size: {low:.0f} to {high:,.0f}).{question}",
-    )  # fmt: skip
+    limit, told = high if density > high else low, {"density": density, "low": low, "high": high}
+    if low <= density <= high:
+        return Check("mass", "passed", Note("checks.mass", **told), density, limit, "kg/m^3")
+    said = Note("checks.mass_large" if density > high else "checks.mass_small", **told)
+    return Check("mass", "failed", said, density, limit, "kg/m^3")
 
 
-def strength(safety: Safety) -> Check:
-    """Whether a part stands its stress."""
-    passed = safety.factor >= SAFE
-    gives_way, kind = GIVES_WAY[safety.side]
-    if passed:
-        times = "more than 1000" if safety.factor > 1e3 else f"{safety.factor:.3g}"
-        does = f"holds: safety factor {times} against {kind}"
-    else:
-        does = f"{gives_way}: past {kind}, {1 / safety.factor:.2g} x"
-    place = ", ".join(f"{x:.3g}" for x in safety.place)
-    return Check(
-        "strength", passed, safety.factor, SAFE,
-        f"{safety.part} ({safety.material}) {does}: {safety.side} stress {safety.stress:.3g} Pa "
-        f"at ({place}), lowest {kind} {safety.limit:.3g} Pa.",
-    )  # fmt: skip
+def strength(safety: Safety, error: DiscretisationError | None = None) -> Check:
+    """Whether a part stands its stress, in doubt where the ``error`` of the mesh may be its own."""
+    factor, place = safety.factor, ", ".join(f"{x:.3g}" for x in safety.place)
+    passed, (does, limit) = factor >= SAFE, gives_way(safety)
+    told = {"of": limit, "does": does, "times": times(factor), "past": 1 / factor, "at": place}
+    said = Note("checks.strong" if passed else "checks.weak", **safety._asdict(), **told)
+    where = {"part": safety.part, "place": safety.place}
+    outcome, why = _passed(passed), ""
+    if passed and error is not None and safety.place is not None:
+        from_centre = lambda p: float(np.linalg.norm(np.subtract(safety.place, p.centre)))  # noqa: E731
+        here = next((p for p in error.places if from_centre(p) <= REACH * p.radius), None)
+        if here is not None and factor < UNBOUNDED:
+            told = {"kind": here.kind, "share": percent(here.share)}
+            outcome, why = "doubtful", Note("checks.singular_stress", **told)
+        elif factor < 1 + 2 * error.stress:  # twice the rms covers the largest of 97 in 100
+            outcome, why = "doubtful", Note("checks.stress_error", off=percent(error.stress))
+    return Check("strength", outcome, said, factor, SAFE, **where, why=why)
+
+
+def gives_way(safety: Safety) -> tuple[str, str]:
+    """What a part does past its limit, and what the limit is called, by what is judged there."""
+    if safety.side == "equivalent":
+        return Note("checks.yields"), Note("checks.yield_strength")
+    if safety.side == "shear":
+        return Note("checks.splits"), Note("checks.shear_strength")
+    across = Note("checks.across_grain") if safety.direction == "across" else ""
+    if safety.side == "tension":
+        return Note("checks.cracks"), Note("checks.tensile_strength") + across
+    return Note("checks.is_crushed"), Note("checks.compressive_strength") + across
 
 
 def span_of_answers(
@@ -299,30 +248,34 @@ def span_of_answers(
 ) -> Check:
     """What mass, displacement and first frequency may be, by what its materials leave open."""
     inner = likely.words if likely else ("", "", "")
-    said = [f"it weighs {mass.words('.3g')} kg{inner[0]}"]
-    said += [f"moves by {u.words('.2g')} m{inner[1]}"] if u else []
-    said += [f"rings first at {tones[0].words('.3g')} Hz{inner[2]}"] if tones else []
-    drawn = f" and by {likely.drawn} samples of what is unknown" if likely and likely.drawn else ""
-    answer, apart = u or (tones[0] if tones else mass), "mesh, grain and guessed matter come on top"
-    return Check(
-        "range", True, answer.high / answer.low, np.inf,
-        f"By the ranges of E and rho of its materials{drawn} {' and '.join(said)}; {apart}.",
-    )  # fmt: skip
+    answers = Note("checks.may_weigh", span=mass.words(".3g"), likely=inner[0])
+    if u:
+        answers += Note("checks.may_move", span=u.words(".2g"), likely=inner[1])
+    if tones:
+        answers += Note("checks.may_ring", span=tones[0].words(".3g"), likely=inner[2])
+    drawn = Note("checks.and_samples", count=likely.drawn) if likely and likely.drawn else ""
+    answer, said = u or (tones[0] if tones else mass), {"answers": answers, "drawn": drawn}
+    return Check("range", "passed", Note("checks.range", **said), answer.high / answer.low)
 
 
-def static_checks(result: SagResult, *, size_stated: bool = False) -> tuple[Check, ...]:
-    """Verdicts that a static result allows, and whether the user stated the size of its body."""
+def static_checks(
+    result: SagResult, *, size_stated: bool = False, load_factors: Interval | None = None
+) -> tuple[Check, ...]:
+    """Checks that a static result allows, and whether the user stated the size of its body.
+
+    ``load_factors`` of buckling are those of its softest and its stiffest materials.
+    """
     mesh = result.static.mesh
     checks = (
         holds_shape(result),
-        buckling(result.load_factor, result.load_factor_unmade),
+        buckling(result.load_factor, result.load_factor_unmade, ends=load_factors),
         discretisation(result),
         locking(result.static),
         explicit_step(mesh),
         usual_size(mesh, stated=size_stated),
         usual_mass(mesh),
     )
-    return tuple(with_unmade(checks))
+    return tuple(with_doubts(checks))
 
 
 # A motion may have this fraction more energy than it was given. Elements and reduced bodies: 1 % is
@@ -344,47 +297,33 @@ def keeps_energy(motion: MotionResult, scene: Scene) -> tuple[Check, ...]:
     most = EXCESS if motion.order else SPRING_EXCESS
     if motion.particles is not None:
         most = PARTICLE_EXCESS
-    excess, limit = balance.excess / balance.given, f"(limit {percent(most)})"
-    passed = excess <= most
-    if passed:
-        takers = ["friction"] if scene.friction and scene.obstacles else []
-        if motion.particles is not None:
-            takers += ["flow, cracks, damping", "what its grid does not carry"]
-        by = f"{', '.join(takers)} and its time steps" if takers else "its time steps"
-        said = f"It never has more energy than the {balance.given:.3g} J that it was given {limit}"
-        said += f"; {balance.lost / balance.given:.1%} of that is lost at the end, to {by}."
-    else:
-        said = (
-            f"It has {balance.excess:.3g} J more than the {balance.given:.3g} J that it was given: "
-        )
-        said += f"{percent(excess)} too much {limit}. Its steps make energy of nothing."
-    checks = [Check("energy", passed, excess, most, said)]
+    excess, lost = balance.excess / balance.given, balance.lost / balance.given
+    takers: list[str] = [Note("checks.friction")] if scene.friction and scene.obstacles else []
+    takers += [Note("checks.flow_and_grid")] if motion.particles is not None else []
+    by = Note("checks.takers" if takers else "checks.steps", takers=", ".join(takers))
+    told = {"given": balance.given, "excess": balance.excess, "limit": percent(most)}
+    told |= {"share": percent(excess), "lost": lost, "by": by}
+    said = Note("checks.keeps_energy" if excess <= most else "checks.makes_energy", **told)
+    checks = [Check("energy", _passed(excess <= most), said, excess, most)]
     # A frame, where it is one step, that takes most of the energy: an impact, or where nothing is
     # met a swing that begins and ends within few frames
     sudden = balance.dropped / balance.given
     if motion.order and sudden > SUDDEN:
-        lost = (
-            f"{balance.dropped:.3g} J of {balance.given:.3g} J are lost in the one step of "
-            f"{motion.dt:.2g} s that ends at {balance.time:.3g} s"
-        )
-        name, said = "fast swing", f"It swings faster than its steps show: {lost}."
-        if motion.contact_forces.any():
-            name = "impact"
-            said = f"An impact is not followed: {lost}; it does not rebound as it would."
-        checks.append(Check(name, False, sudden, SUDDEN, said))
+        told = {"dropped": balance.dropped, "given": balance.given}
+        told |= {"step": motion.dt, "time": balance.time}
+        met = motion.contact_forces.any()
+        said = Note("checks.impact" if met else "checks.fast_swing", **told)
+        checks.append(Check("impact" if met else "fast swing", "failed", said, sudden, SUDDEN))
     return tuple(checks)
 
 
 def no_penetration(motion: MotionResult) -> Check:
     """Whether the body kept its distance from every obstacle, and from itself where that was so."""
     gap = motion.smallest_gap
-    passed = gap > 0
-    what = "an obstacle or itself" if motion.kept_apart else "an obstacle"
-    nearest = f"the smallest distance is {gap:.2g} m" if np.isfinite(gap) else "it meets nothing"
-    return Check(
-        "no penetration", passed, gap, 0.0,
-        f"It {'never goes into' if passed else 'goes into'} {what}: {nearest}.",
-    )  # fmt: skip
+    what = Note("checks.obstacle_or_itself" if motion.kept_apart else "checks.obstacle")
+    near = Note("checks.nearest", gap=gap) if np.isfinite(gap) else Note("checks.meets_nothing")
+    said = Note("checks.stays_out" if gap > 0 else "checks.goes_into", what=what, nearest=near)
+    return Check("no penetration", _passed(gap > 0), said, gap, 0.0, "m")
 
 
 def follows(motion: MotionResult) -> tuple[Check, ...]:
@@ -392,44 +331,67 @@ def follows(motion: MotionResult) -> tuple[Check, ...]:
     if (error := motion.model_error) is None:
         return ()
     near, coarse = error.share <= MOTION_LIMIT, too_coarse(motion.stiffening)
-    do = "follow" if near else "do not follow"
-    limit = percent(MOTION_LIMIT)
-    said = (
-        f"Its few coordinates {do} the full body of the same elements: off by {error.words} "
-        f"(limit {limit})" + (f"; but {coarse}." if coarse else ".")
-    )
-    return (Check("reduced model", near and not coarse, error.share, MOTION_LIMIT, said),)
+    told = {"error": error.words, "limit": percent(MOTION_LIMIT)}
+    told["but"] = Note("checks.but_coarse", coarse=coarse) if coarse else ""
+    said = Note("checks.follows" if near else "checks.strays", **told)
+    return (Check("reduced model", _passed(near and not coarse), said, error.share, MOTION_LIMIT),)
 
 
 def contact_forces(motion: MotionResult, names: Sequence[str]) -> Check:
-    """Who presses whom, at most; ``names`` are those of the pieces."""
+    """Who presses whom, at most; ``names`` are those of the pieces.
+
+    It is not made where an impact was not resolved, and in doubt where that is not known.
+    """
     forces = np.linalg.norm(motion.obstacle_forces, axis=2).max(axis=0, initial=0.0)
-    pressures = motion.largest_pressures
-    said = [
-        f"obstacle {k + 1} with {force:.3g} N"
-        + (f" ({pressures.obstacles[k]:.3g} Pa)" if pressures else "")
-        for k, force in enumerate(forces)
-        if force > 0
-    ]
+    impact, pressures = motion.impact, motion.largest_pressures
+    if impact is not None and forces.any():
+        forces = np.maximum(forces, impact.forces)
+        if why := impact.unresolved:
+            told = {"lost": impact.lost, "barrier": impact.barrier}
+            why = Note(f"checks.unresolved_{why}", **told)
+            return Check("contact", "not made", Note("checks.press_unknown", why=why), why=why)
+    pressed: list[str] = []
+    for k, force in enumerate(forces):
+        if force > 0:
+            pressure = f" ({pressures.obstacles[k]:.3g} Pa)" if pressures else ""
+            pressed.append(Note("checks.by_obstacle", k=k + 1, force=force, pressure=pressure))
     between = {
         pair: float(np.linalg.norm(force, axis=1).max())
         for pair, force in motion.piece_forces.items()
         if pair[0] < pair[1]
     }
-    said += [f"{names[b]} on {names[a]} with {size:.3g} N" for (a, b), size in between.items()]
+    for (a, b), force in between.items():
+        pressed.append(Note("checks.by_piece", on=names[a], by=names[b], force=force))
     if pressures and pressures.own > 0:
-        said.append(f"the body itself with up to {pressures.own:.3g} Pa")
+        pressed.append(Note("checks.by_itself", pressure=pressures.own))
     largest = max([*forces.tolist(), *between.values()], default=0.0)
-    return Check(
-        "contact", True, largest, np.inf,
-        f"At most it is pressed by {'; '.join(said)}." if said else "Nothing presses on it.",
-    )  # fmt: skip
+    said = Note("checks.pressed" if pressed else "checks.not_pressed", by="; ".join(pressed))
+    doubt = Note("checks.impact_unknown") if forces.any() and impact is None else ""
+    outcome: Outcome = "doubtful" if doubt else "passed"
+    return Check("contact", outcome, f"{said} {doubt}".strip(), largest, unit="N", why=doubt)
+
+
+def breakage(run: ParticleRun, *, wanted: bool) -> tuple[Check, ...]:
+    """What tore, where anything can; ``wanted``: else say that this was not followed."""
+    torn = run.breakage
+    if not torn.judged:
+        return (Check("breakage", "not made", Note("checks.cannot_tear")),) if wanted else ()
+    told = {"parts": ", ".join(torn.parts), "pieces": torn.pieces, "before": torn.pieces_before}
+    told |= {"fraction": percent(torn.fraction), "judged": percent(torn.judged)}
+    place = tuple(torn.place) if torn.fraction else None
+    told["place"] = ", ".join(f"{x:.3g}" for x in place or ())
+    said = Note("checks.torn" if place else "checks.whole", **told)
+    outcome: Outcome = "failed" if place else "passed"
+    doubt = ""
+    if place is None and torn.crack_energy > 1.1:
+        outcome, doubt = "doubtful", Note("checks.costly_cracks", times=torn.crack_energy)
+    said = f"{said} {doubt}".strip()
+    return (Check("breakage", outcome, said, torn.fraction, 0.0, place=place, why=doubt),)
 
 
 def in_the_grid(run: ParticleRun) -> Check:
     """Whether all particles stayed in the grid."""
     total, lost = len(run.part), run.outside
-    return Check(
-        "particles", not lost, lost, 0,
-        f"{'All' if not lost else f'{total - lost:,} of'} {total:,} particles stay in the grid.",
-    )  # fmt: skip
+    told = {"total": total, "left": total - lost}
+    said = Note("checks.some_stay" if lost else "checks.all_stay", **told)
+    return Check("particles", _passed(not lost), said, lost, 0)

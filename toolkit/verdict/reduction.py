@@ -12,6 +12,7 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 
 from ...fem.identify import MotionFit
+from ...fem.note import Note
 from ...fem.reduced.basis import accuracy_warnings
 from ...fem.reduced.method import model_in_words
 from ...fem.reduced.model import ReducedModel
@@ -71,20 +72,22 @@ class WhatIfTable(NamedTuple):
     @property
     def summary(self) -> str:
         """Runs, time and errors in a line."""
-        rest, tone = (float(np.abs(e).max()) for e in (self.error.rest, self.error.frequency))
-        return (
-            f"{len(self.rows):,} runs in {self.seconds:.2g} s; of {len(self.error.runs)} that the "
-            f"full body did too, displacement was within {rest:.2%}, first frequency {tone:.2%}"
-        )
+        errors = (self.error.rest, self.error.frequency)
+        rest, tone = (float(np.abs(e).max(initial=0.0)) for e in errors)
+        count = {"runs": len(self.rows), "compared": len(self.error.runs)}
+        return Note("reduction.runs", **count, seconds=self.seconds, rest=rest, tone=tone)
 
     @property
     def warnings(self) -> tuple[str, ...]:
         """Runs without an answer, and errors beyond the limit."""
-        found, without_rest = [], self.numbers["without_rest"]
-        if without_rest:
-            found.append(f"{without_rest} of {len(self.rows)} runs found no rest: no answer")
-        if max(np.abs(e).max() for e in (self.error.rest, self.error.frequency)) > MOTION_LIMIT:
-            found.append(f"the reduced runs are not the full body's: {self.summary}")
+        found: list[str] = []
+        if count := self.numbers["without_rest"]:
+            found.append(Note("reduction.without_rest", count=count, runs=len(self.rows)))
+        if count := self.error.unsolved:
+            found.append(Note("reduction.unsolved", count=count))
+        errors = (self.error.rest, self.error.frequency)
+        if max(np.abs(e).max(initial=0.0) for e in errors) > MOTION_LIMIT:
+            found.append(Note("reduction.strays", summary=self.summary))
         return tuple(found)
 
     @property
@@ -97,6 +100,7 @@ class WhatIfTable(NamedTuple):
             "compared": self.error.runs,
             "rest_error": self.error.rest,
             "frequency_error": self.error.frequency,
+            "unsolved": self.error.unsolved,
         }
 
     def write(self, path: Path) -> None:
@@ -160,12 +164,8 @@ class Match(FewNumbers):
         """Scale of E, nu, errors and the ratio of frequencies, in a line, at both ends."""
         lines = []
         for fit in filter(None, (self.fit, self.stiff)):
-            nu = "" if fit.nu is None else f", nu {fit.nu:.4f} (correlation {fit.correlation:.3f})"
-            lines.append(
-                f"E x {fit.scale:.4f} (+-{fit.deviation[0]:.2%} if the misfit is noise){nu}; error "
-                f"{fit.error:.2%}, before {fit.unfitted_error:.2%}; first frequency "
-                f"{fit.frequency_ratio:.3f} of the full body's; {fit.scheme.value}"
-            )
+            nu = "" if fit.nu is None else Note("reduction.nu", fit=fit)
+            lines.append(Note("reduction.moduli", fit=fit, nu=nu))
         return "; stiff: ".join(lines)
 
     @property
@@ -196,14 +196,8 @@ class SpringMatch(FewNumbers):
     @property
     def summary(self) -> str:
         """Scale and profile of k, errors and the ratio of frequencies, in a line."""
-        fit = self.fit
-        stiff = f"; stiff: {fit.stiffer:.3f} times as stiff, error {fit.stiff_error:.2%}"
-        return (
-            f"k x {fit.scale:.4f}, at the surface {math.exp(fit.surface):.2f} times that in the "
-            f"middle; error {fit.error:.2%}, calibrated from E alone "
-            f"{fit.calibrated_error:.2%}; first frequency {fit.frequency_ratio:.3f} of the finite "
-            "elements'" + ("" if math.isnan(fit.stiffer) else stiff)
-        )
+        stiff = "" if math.isnan(self.fit.stiffer) else Note("reduction.stiff", fit=self.fit)
+        return Note("reduction.springs", fit=self.fit, at=math.exp(self.fit.surface), stiff=stiff)
 
     @property
     def numbers(self) -> dict[str, Any]:

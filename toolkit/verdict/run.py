@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
@@ -15,12 +15,13 @@ import numpy as np
 from ...fem.errors import UsageError
 from ...fem.grain import grained_parts
 from ...fem.mesh import TetMesh
+from ...fem.note import Note
 from ...predictors.asset import Asset
 from ..asset.document import Sidecar, mesh_document, versions
 from ..options import AssignOptions, WallOptions
 from .assignment import Assignment
 from .simulation import Simulation
-from .verdict import ADVICE, Verdict, as_table, in_a_line
+from .verdict import Check, as_table, in_a_line
 
 if TYPE_CHECKING:
     from ...predictors.appearance.features import VoxelFeatures
@@ -78,15 +79,14 @@ class RunResult:
     def __repr__(self) -> str:
         return in_a_line(self)
 
-    def _repr_html_(self) -> str:
-        return as_table(self)
+    _repr_html_ = as_table
 
     @property
     def turned(self) -> bool:
         """Whether the cases of a sentence lie at several places between soft and stiff."""
         return len({case.assignment.field.alpha for case in self.cases}) > 1
 
-    def verdicts(self) -> list[list[Verdict]]:
+    def verdicts(self) -> list[list[Check]]:
         """Of every case: are its values usual, and can the eye tell it from the first one."""
         from .checks import distinguishable
         from .simulation import StaticSimulation
@@ -94,12 +94,12 @@ class RunResult:
         found = [case.assignment.verdicts() for case in self.cases]
         if self.turned:
             for k in range(0, len(self.cases), len(DIAL)):
-                found[k].extend(_order([c.simulation for c in self.cases[k : k + len(DIAL)]]))
+                found[k].append(_order([c.simulation for c in self.cases[k : k + len(DIAL)]]))
             return found
         first, *others = (case.simulation for case in self.cases)
         for verdicts, other in zip(found[1:], others, strict=True):
             if isinstance(first, StaticSimulation) and isinstance(other, StaticSimulation):
-                verdicts.append(Verdict.of(distinguishable(first.solved, other.solved)))
+                verdicts.append(distinguishable(first.solved, other.solved))
         return found
 
     def document(self) -> dict[str, Any]:
@@ -110,7 +110,7 @@ class RunResult:
             {
                 **case.assignment.document(),
                 "alpha": case.assignment.field.alpha,
-                "verdicts": verdicts,
+                "verdicts": [found.document() for found in verdicts],
                 **{key: answer[key] for key in ("scenario", "scene", kind)},
             }
             for case, verdicts, answer in zip(self.cases, self.verdicts(), answers, strict=True)
@@ -136,7 +136,7 @@ class RunResult:
         }
 
 
-def _order(cases: Sequence[Simulation]) -> Iterator[Verdict]:
+def _order(cases: Sequence[Simulation]) -> Check:
     """Whether one sentence's cases, from soft to stiff, give way less and less.
 
     A linear body under one dead load stores less energy wherever it is made stiffer (Clapeyron: it
@@ -146,15 +146,14 @@ def _order(cases: Sequence[Simulation]) -> Iterator[Verdict]:
 
     if all(isinstance(case, StaticSimulation) for case in cases):
         given = [case.solved.static.energy for case in cases if isinstance(case, StaticSimulation)]
-        told, unit = "its load strains it by", "J"
+        does, unit = Note("checks.strains_by"), "J"
     else:
         given = [float(np.linalg.norm(c.animation.displacement, axis=-1).max()) for c in cases]
-        told, unit = "it moves by", "m"
-    said = f"From soft to stiff {told} {', '.join(f'{x:.3g}' for x in given)} {unit}"
-    if all(stiff < soft for soft, stiff in pairwise(given)):
-        yield Verdict("good", f"{said}: less and less.", "dial")
-    else:
-        yield Verdict("note", f"{said}: not less and less.", "dial", ADVICE["dial"])
+        does, unit = Note("checks.moves_by"), "m"
+    told = {"does": does, "values": ", ".join(f"{x:.3g}" for x in given), "unit": unit}
+    falls = all(stiff < soft for soft, stiff in pairwise(given))
+    said = Note("checks.less_and_less" if falls else "checks.not_less", **told)
+    return Check("dial", "passed" if falls else "failed", said, given[-1], given[0], unit)
 
 
 class Stopwatch:
@@ -173,11 +172,6 @@ class Stopwatch:
         ):
             kept[name] = kept.get(name, 0.0) + ended - began
         self._last = now
-
-    @property
-    def spent(self) -> tuple[dict[str, float], dict[str, float]]:
-        """Seconds of every stage on the wall, and of processors."""
-        return self.seconds, self.cpu_seconds
 
     @staticmethod
     def _now() -> tuple[float, float]:
@@ -198,8 +192,7 @@ class Conversion:
     def __repr__(self) -> str:
         return in_a_line(self)
 
-    def _repr_html_(self) -> str:
-        return as_table(self)
+    _repr_html_ = as_table
 
     @property
     def warnings(self) -> list[str]:

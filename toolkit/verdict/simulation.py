@@ -7,14 +7,16 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
 from ...fem.laws.law import LAWS
 from ...fem.mesh import TetMesh, piece_names
+from ...fem.reactions import reactions
 from ...fem.safety import PartStresses, Safety, part_safety, part_stresses
+from ...fem.scene.loads import resultant
 from ...fem.scene.scene import Scene
 from ...fem.solve.method import SCENARIOS
 from ...fem.solve.result import Modes, MotionResult, ParticleRun, SagResult
@@ -22,10 +24,7 @@ from ...fem.uncertainty import Draws, Exact, ranged_answers
 from ..asset.document import mesh_document
 from ..driving import DriveRecord
 from .description import describe, vector_words
-from .verdict import Verdict, as_table, in_a_line, si, with_doubts
-
-if TYPE_CHECKING:
-    from .checks import Check
+from .verdict import Check, as_table, in_a_line, si, with_doubts
 
 
 class Animation(NamedTuple):
@@ -64,8 +63,7 @@ class Simulation(ABC):
     def __repr__(self) -> str:
         return in_a_line(self)
 
-    def _repr_html_(self) -> str:
-        return as_table(self)
+    _repr_html_ = as_table
 
     @property
     def mesh(self) -> TetMesh:
@@ -131,14 +129,14 @@ class Simulation(ABC):
         """What the answer is held against, each with its number and threshold."""
         return ()
 
-    def verdicts(self) -> list[Verdict]:
-        """Findings in plain words: whether the mesh is the file's body, then every check."""
-        return with_doubts(list(self._judged), self.differences)
+    def verdicts(self) -> list[Check]:
+        """Whether the mesh is the file's body, then every check, those in doubt marked so."""
+        return with_doubts(self._checked, self.differences)
 
     @cached_property
-    def _judged(self) -> tuple[Verdict, ...]:
-        """Every check in words; what is printed, written and reported is judged once."""
-        return tuple(map(Verdict.of, self.checks()))
+    def _checked(self) -> Sequence[Check]:
+        """The checks: what is printed, written and reported is judged once."""
+        return self.checks()
 
     def write(self, path: Path) -> list[Path]:
         """Write the state shown as .vtu or .vtk, the motion as .pvd or .glb; return the files."""
@@ -164,7 +162,10 @@ class Simulation(ABC):
             **mesh_document(self.mesh),
             "scenario": self.scenario,
             "scene": [acting._asdict() for acting in describe(self.scene)],
-            self.kind: {**self.numbers, "verdicts": self.verdicts()},
+            self.kind: {
+                **self.numbers,
+                "verdicts": [found.document() for found in self.verdicts()],
+            },
             "seconds": self.seconds,
             **({} if self.driven is None else {"drive": self.driven.document()}),
             "warnings": (*self.warnings, *(self.driven.warnings if self.driven else ())),
@@ -207,6 +208,11 @@ class StaticSimulation(Simulation):
             "safety": [{**s._asdict(), "factor": s.factor} for s in self.safety],
             "intervals": self.intervals,
             "reaction": static.reaction.sum(axis=0),
+            "reactions": [one._asdict() for one in reactions(self.scene, static)],
+            "loads": [
+                {"place": load.name, **resultant(self.mesh, load, self.scene.held)._asdict()}
+                for load in self.scene.tractions
+            ],
             "frequencies": self.frequencies,
             "order": static.order,
             "gap": self.solved.discretisation_error,
@@ -268,25 +274,21 @@ class StaticSimulation(Simulation):
 
     def checks(self) -> Sequence[Check]:
         """Shape, buckling, mesh, explicit step, size, standing, strength, frequency, range."""
-        from .checks import (
-            first_frequency,
-            span_of_answers,
-            static_checks,
-            stays_upright,
-            strength,
-            with_unmade,
-        )
+        from .checks import first_frequency, span_of_answers, static_checks, stays_upright, strength
 
+        known = self.intervals or {}
+        softest = known.get("load_factor")
         checks = [
-            *static_checks(self.solved, size_stated=self.size_stated),
+            *static_checks(self.solved, size_stated=self.size_stated, load_factors=softest),
             *stays_upright(self.solved, self.scene),
-            *map(strength, self.safety),
+            *(strength(one, self.solved.discretisation_error) for one in self.safety),
         ]
         if self.modes is not None:
             checks.append(first_frequency(self.modes))
-        if self.intervals is not None:
-            checks.append(span_of_answers(*self.intervals.values()))
-        return with_unmade(checks)
+        if known:
+            names = ("mass", "max_displacement", "frequencies", "likely")
+            checks.append(span_of_answers(*(known[name] for name in names)))
+        return checks
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
@@ -316,13 +318,17 @@ class MotionSimulation(Simulation):
         # Forces of the obstacles, frame by frame, and of the pieces on each other
         pushes = np.linalg.norm(motion.obstacle_forces, axis=2)
         forces, pressures = pushes.max(axis=0), motion.largest_pressures
+        impact = motion.impact
+        unknown = impact is not None and bool(pushes.any() and impact.unresolved)
+        if impact is not None:
+            forces = np.maximum(forces, impact.forces)
         found: dict[str, Any] = {
             "frames": len(motion.frames),
             "dt": motion.dt,
             "max_displacement": float(np.linalg.norm(motion.displacements, axis=2).max()),
             "smallest_gap": motion.smallest_gap,
-            "max_contact_force": float(forces.max(initial=0.0)),
-            "max_obstacle_forces": forces.tolist(),
+            "max_contact_force": None if unknown else float(forces.max(initial=0.0)),
+            "max_obstacle_forces": None if unknown else forces.tolist(),
             "obstacle_forces": pushes.tolist(),
         }
         if pressures is not None:
@@ -346,12 +352,14 @@ class MotionSimulation(Simulation):
             "newton_iterations": sum(f.iterations for f in motion.frames),
             "model_error": motion.model_error,
             "stiffening": motion.stiffening,
+            "impact": impact and {**impact._asdict(), "unresolved": impact.unresolved},
         }
         if run is not None:
             known = ("substeps", "outside", "stationary", "rigid", "bodies", "capped")
             known += ("lagrangian", "spacing", "nodes", "plan")
             particles = {name: getattr(run, name) for name in known}
             found["particles"] = {"count": len(run.part), **particles}
+            found["breakage"] = run.breakage._asdict()
         return found
 
     @cached_property
@@ -387,6 +395,7 @@ class MotionSimulation(Simulation):
     def checks(self) -> Sequence[Check]:
         """Nothing goes through an obstacle or gains energy; who presses whom; fit elements."""
         from .checks import (
+            breakage,
             contact_forces,
             follows,
             in_the_grid,
@@ -397,7 +406,9 @@ class MotionSimulation(Simulation):
 
         energy = keeps_energy(self.motion, self.scene)
         if self.motion.particles is not None:
-            return [in_the_grid(self.motion.particles), *energy]
+            run, wanted = self.motion.particles, self.scenario in ("tear", "fall")
+            met = [contact_forces(self.motion, ())] if self.motion.obstacle_forces.any() else []
+            return [in_the_grid(run), *met, *energy, *breakage(run, wanted=wanted)]
         met = (no_penetration(self.motion), contact_forces(self.motion, self._piece_names))
         suits = [locking(self.motion)] if self.motion.order else []
         return [*met, *energy, *suits, *follows(self.motion)]

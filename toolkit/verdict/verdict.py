@@ -1,126 +1,137 @@
-"""Verdicts: what was found, in plain words, and what to do about it."""
+"""Checks: what was found, its number beside its limit, and in plain words what to do about it."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from html import escape
-from typing import TYPE_CHECKING, Any, Literal, Protocol, runtime_checkable
+from typing import Any, Literal
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from .checks import Check
+from ...fem.note import Note
+from .sentences import template
 
-
-Mark = Literal["good", "note", "warning", "bad", "unmade"]
+Outcome = Literal["passed", "failed", "doubtful", "not made"]
+Mark = Literal["good", "note", "warning", "unmade"]
 # How a mark is drawn where there are letters only.
-MARKS: dict[Mark, str] = {"good": "✓", "note": "i", "warning": "!", "bad": "✕", "unmade": "?"}
-# What to do about a check that failed, by its name.
-ADVICE = {
-    "holds shape": "If it should stand, say a stiffer material for what gives way, and check the "
-    "size: --size is the longest side in metres.",
-    "buckling": "Slender parts want a stiffer material, more thickness or a support higher up.",
-    "upright": "The other answers are of a base that is held: --fix tells by what; else a wider "
-    "base, more weight low down or less load.",
-    "discretisation": "For closer numbers convert to a finer mesh: --edge-length-rel of half that, "
-    "or of half of what it was made with.",
-    "locking": "--order 2 has elements that do not lock; --solver lbs wants a finer mesh.",
-    "explicit step": "This matters to explicit simulators only; implicit ones, as here, take any.",
-    "first frequency": "It will be seen to swing: a stiffer material or thicker parts prevent it.",
-    "distinguishable": "Say materials that differ more, or load it more: --scenario wind or drop.",
-    "strength": "A stronger material or a thicker part; at a sharp corner a finer mesh says more.",
-    "dial": "Density moves too: what is stiffer may be heavier; --set PART:rho=... holds it.",
-    "energy": "Do not rely on this motion; --solver fem has steps that only lose energy.",
-    "impact": "That it settles is right, how it rebounds is not; in Python motions take "
-    "frames=... and scheme=Scheme.BDF2, for steps far shorter than the impact.",
-    "fast swing": "Where it comes to rest is right; --scenario modal tells how fast it swings.",
-    "size": "Weight, stress and motion all follow from its size: none is right before it is.",
-    "mass": "Say whether it is hollow: --wall METRES, --part-wall NAME=METRES or NAME=solid.",
-    "body": "Convert it again as the sentence says, before the answer is relied on.",
-    "inside band": "--strict makes this an error; --material NAME=MATERIAL takes another row.",
-}
+MARKS: dict[Mark, str] = {"good": "✓", "note": "i", "warning": "!", "unmade": "?"}
 # Checks whose failure changes what the body can be used for.
 SERIOUS = (
-    "holds shape",
-    "buckling",
-    "upright",
-    "strength",
-    "size",
-    "no penetration",
-    "energy",
-    "reduced model",
-)
-# Checks whose answer is another one where the mesh is another body than the file.
-OF_THE_BODY = (
-    "holds shape", "buckling", "upright", "strength", "first frequency", "range", "mass",
+    "holds shape", "buckling", "upright", "strength", "size", "no penetration", "energy",
+    "reduced model", "body",
 )  # fmt: skip
+# Option that changes the outcome, by the check's name.
+PARAMETERS = {
+    "holds shape": "size", "buckling": "material", "upright": "fix", "strength": "material",
+    "discretisation": "edge_length_rel", "locking": "order", "first frequency": "material",
+    "distinguishable": "scenario", "dial": "set", "energy": "solver", "fast swing": "scenario",
+    "size": "size", "mass": "wall", "body": "edge_length", "inside band": "material",
+}  # fmt: skip
+OF_A_REST = ("holds shape", "buckling", "upright", "strength")
+# Checks whose answer is another one where the mesh is another body than the file.
+OF_THE_BODY = (*OF_A_REST, "first frequency", "range", "mass")
 
 
 @dataclass(frozen=True)
-class Verdict:
-    """One finding in plain words; ``detail`` is its short name, ``advice`` what to do about it."""
+class Check:
+    """One finding: a number beside its limit, and its outcome.
 
-    mark: Mark
-    sentence: str
-    detail: str = ""
-    advice: str = ""
+    Parameters
+    ----------
+    name
+        What was checked: "holds shape", "buckling" ...
+    outcome
+        "passed", "failed", "doubtful" or "not made".
+    sentence
+        The finding in words.
+    value, limit, unit
+        The number and what it is held against, NaN for none, in this SI unit ("1": a ratio).
+    part, place
+        Name of the part that it is of, and where in the body [m], shape (3,), if it is of one.
+    why
+        Why it is doubtful, or was not made.
 
-    @classmethod
-    def of(cls, check: Check) -> Verdict:
-        """Word a check of the solver."""
-        if check.outcome == "passed":
-            return cls("good", check.sentence, check.name)
-        if check.outcome == "doubtful":
-            return cls("note", f"{check.sentence} {check.doubt}", check.name)
-        if check.outcome == "not made":
-            return cls("unmade", check.sentence, check.name)
-        mark = "warning" if check.name in SERIOUS else "note"
-        return cls(mark, check.sentence, check.name, ADVICE.get(check.name, ""))
-
-
-def with_doubts(found: Sequence[Verdict], differences: Sequence[str]) -> list[Verdict]:
-    """Verdicts without a sure good where another one, or the mesh, puts them in doubt.
-
-    That is where the size is that of another unit, and where the mesh has ``differences`` from its
-    file, which come first.
+    Examples
+    --------
+    >>> import autophyx_tet as apx
+    >>> found = apx.Check("mass", "failed", "It weighs 9 t.", value=9000.0, limit=23.0, unit="kg")
+    >>> found.mark, found.parameter
+    ('note', 'wall')
     """
 
-    def doubted(why: str) -> list[Verdict]:
-        return [
-            replace(one, mark="note", sentence=f"{one.sentence} {why}")
-            if one.mark == "good" and one.detail in OF_THE_BODY
-            else one
-            for one in found
-        ]
+    name: str
+    outcome: Outcome
+    sentence: str
+    value: float = np.nan
+    limit: float = np.nan
+    unit: str = "1"
+    part: str = ""
+    place: tuple[float, ...] | None = None
+    why: str = ""
 
-    if any(one.detail == "size" and one.mark != "good" for one in found):
-        found = doubted("That is at this size.")
+    @property
+    def parameter(self) -> str:
+        """Name of the option that changes the outcome; empty where none does."""
+        return PARAMETERS.get(self.name, "")
+
+    @property
+    def mark(self) -> Mark:
+        """How it is marked for people."""
+        if self.outcome == "failed":
+            return "warning" if self.name in SERIOUS else "note"
+        marks: dict[str, Mark] = {"passed": "good", "doubtful": "note", "not made": "unmade"}
+        return marks[self.outcome]
+
+    @property
+    def advice(self) -> str:
+        """What to do about it, where it failed."""
+        failed = self.outcome == "failed"
+        return (failed and template(f"advice.{self.name.replace(' ', '_')}")) or ""
+
+    def document(self) -> dict[str, Any]:
+        """Return its row in ``--json``."""
+        told = {"mark": self.mark, "sentence": self.sentence, "detail": self.name}
+        names = ("advice", "outcome", "value", "limit", "unit", "part", "place", "parameter", "why")
+        return told | {name: getattr(self, name) for name in names}
+
+
+def with_doubts(checks: Sequence[Check], differences: Sequence[str] = ()) -> list[Check]:
+    """Checks, those that passed in doubt where another one, or the mesh, leaves them so.
+
+    That is where another check of a rest was not made, where the size is that of another unit, and
+    where the mesh has ``differences`` from its file, which come first.
+    """
+    found = list(checks)
+
+    def doubt(names: Sequence[str], why: str) -> None:
+        for k, one in enumerate(found):
+            if one.outcome in ("passed", "doubtful") and one.name in names and why not in one.why:
+                sentence, reason = f"{one.sentence} {why}", f"{one.why} {why}".strip()
+                found[k] = replace(one, outcome="doubtful", sentence=sentence, why=reason)
+
+    for one in checks:
+        if one.name == "buckling" and one.outcome == "not made":
+            doubt(OF_A_REST, Note("doubts.buckling"))
+        if one.name == "discretisation" and one.outcome == "not made":
+            doubt(OF_A_REST, Note("doubts.discretisation"))
+        if one.name == "size" and one.outcome == "failed":
+            doubt(OF_THE_BODY, Note("doubts.size"))
     if not differences:
-        return list(found)
-    first = f"The mesh differs from the file: {'; '.join(differences)}."
-    of_mesh = doubted("That is the mesh's.")
-    return [Verdict("warning", first, "body", ADVICE["body"]), *of_mesh]
+        return found
+    doubt(OF_THE_BODY, Note("doubts.body"))
+    return [Check("body", "failed", Note("checks.differs", how="; ".join(differences))), *found]
 
 
 _COLUMNS = ("part", "material", "E", "nu", "kg/m³", "mass", "because")
 
 
-@runtime_checkable
-class Told(Protocol):
-    """What has a document."""
-
-    def document(self) -> dict[str, Any]:
-        """Return what ``--json`` prints."""
-        ...
-
-
-def in_a_line(result: Told) -> str:
-    """Name of the result, its size, what was found, and how many warnings there are."""
+def in_a_line(result: Any) -> str:
+    """Name of a result that has a document, its size, what was found, and how many warnings."""
     return f"<{type(result).__name__}: {', '.join(_facts(result.document()))}>"
 
 
-def as_table(result: Told) -> str:
+def as_table(result: Any) -> str:
     """HTML of the same with a row a part, the verdicts and the warnings."""
     document = result.document()
     lines = [f"<b>{escape(type(result).__name__)}</b>: {escape(', '.join(_facts(document)))}"]
@@ -142,7 +153,7 @@ def as_table(result: Told) -> str:
         )
         head = "".join(f"<th>{name}</th>" for name in _COLUMNS)
         lines.append(f"<table><tr>{head}</tr>{table}</table>")
-    found = [f"{MARKS[v.mark]} {v.sentence}" for v in _verdicts(document)]
+    found = [f"{MARKS[v['mark']]} {v['sentence']}" for v in _verdicts(document)]
     found += [f"⚠ {warning}" for warning in document.get("warnings", ())]
     return "<br>".join([*lines, *map(escape, found)])
 
@@ -158,15 +169,15 @@ def _facts(document: Mapping[str, Any]) -> Iterator[str]:
         yield volume_words(document["volume"])
     if document.get("scenario"):
         yield document["scenario"]
-    if failed := sum(verdict.mark in ("warning", "bad") for verdict in _verdicts(document)):
+    if failed := sum(verdict["mark"] == "warning" for verdict in _verdicts(document)):
         yield f"{failed} verdict{'s' * (failed > 1)} not met"
-    if unmade := sum(verdict.mark == "unmade" for verdict in _verdicts(document)):
+    if unmade := sum(verdict["mark"] == "unmade" for verdict in _verdicts(document)):
         yield f"{unmade} not made"
     if count := len(document.get("warnings", ())):
         yield f"{count} warning{'s' * (count > 1)}"
 
 
-def _verdicts(document: Mapping[str, Any]) -> list[Verdict]:
+def _verdicts(document: Mapping[str, Any]) -> list[dict[str, Any]]:
     found = list(document.get("verdicts", ()))
     for value in document.values():
         if isinstance(value, Mapping) and value.get("verdicts"):

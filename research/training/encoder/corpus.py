@@ -22,7 +22,7 @@ from ....fem.scene.up import up_vector
 from ....predictors.appearance.surface import finish_of, material_name
 from ....predictors.appearance.views import Views, hemisphere, render_views
 from ....predictors.asset import Asset
-from ....predictors.text.hearing import KINDS, bare_words, kind_of
+from ....predictors.text.parts import KINDS, bare_words, kind_of
 
 if TYPE_CHECKING:
     import torch

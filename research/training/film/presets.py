@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from ....predictors.film.config import NetworkConfig
-from ....predictors.text.hearing import CHANNELS, HintedEncoder
+from ....predictors.film.words import CHANNELS, HintedEncoder
 from ...datasets.real import RealObject
 from ...datasets.text_table import TextTable, build_text_table
 from ...on_device import minilm

@@ -220,18 +220,6 @@ def test_round_trip(held, tmp_path):
         load_reduced(tmp_path / "b.npz")
 
 
-def test_a_page_gets_the_surface(held):
-    """What a page moves is the body's own surface, by the same basis."""
-    page = held.to_js()
-    q, count = state(held), page["dofs"]
-    basis = np.array(page["basis"]).reshape(-1, 3, count)
-    faces = np.array(page["faces"]).reshape(-1, 3)
-    assert (basis @ q)[faces] == pytest.approx(held.displacement(q)[held.faces], abs=1e-15)
-    pull = np.array(page["gravity"]).reshape(3, count)
-    u = held.displacement(q)
-    assert pull @ q == pytest.approx(held.mass @ u, rel=1e-12)
-
-
 def test_principal_fields_are_what_is_largest_outside_the_known_ones():
     """Of two fields hidden in many, beside known ones: both come back, nothing else of size."""
     rng = np.random.default_rng(0)

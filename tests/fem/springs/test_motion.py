@@ -167,6 +167,8 @@ def test_what_springs_do_not_know_is_said():
     for given in ({"law": "linear"}, {"order": 2}):
         with pytest.raises(UsageError, match="leave law and order out"):
             SpringMethod(anchors=100, neighbours=12).solve(scene, **given)
+    with pytest.raises(UsageError, match="on the CPU"):
+        SpringMethod(anchors=100, neighbours=12).solve(scene, device="cuda")
     with pytest.raises(UsageError, match="hours"):
         SpringMethod(anchors=2000).solve(post(E=2e14, duration=10.0))
 

@@ -6,7 +6,7 @@ import time
 import pytest
 from autophyx_tet.fem.errors import InputError, UsageError
 from autophyx_tet.predictors.text.clauses import bind
-from autophyx_tet.predictors.text.lexicon import load_model
+from autophyx_tet.predictors.text.english import load_model
 from autophyx_tet.predictors.text.reader import LONGEST, parse
 
 
@@ -196,7 +196,7 @@ def test_a_part_that_is_called_after_a_material_is_read(table):
 
 def test_a_missing_model_is_named_with_the_line_that_installs_it(monkeypatch):
     load_model.cache_clear()
-    monkeypatch.setattr("autophyx_tet.predictors.text.lexicon.find_spec", lambda _: None)
+    monkeypatch.setattr("autophyx_tet.predictors.text.english.find_spec", lambda _: None)
     with pytest.raises(InputError, match=r"pip install .*en-core-web-sm"):
         load_model()
     monkeypatch.undo()

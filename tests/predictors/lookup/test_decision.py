@@ -11,8 +11,8 @@ from autophyx_tet.predictors.resolve.resolve import (
 )
 from autophyx_tet.predictors.resolve.similarity import RowKernel
 from autophyx_tet.predictors.text.clauses import Clause, Subject
-from autophyx_tet.predictors.text.hearing import NamedPart, vocabulary_of
 from autophyx_tet.predictors.text.numerals import Comparison, Quantity
+from autophyx_tet.predictors.text.parts import NamedPart, vocabulary_of
 
 TABLE = load_table()
 DECIDER = Decider(TABLE, RowKernel(TABLE))

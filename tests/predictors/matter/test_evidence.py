@@ -7,7 +7,7 @@ from autophyx_tet.predictors.field import DEFAULT
 from autophyx_tet.predictors.film.inference import Frame
 from autophyx_tet.predictors.grid import Grid, PartVoxels
 from autophyx_tet.predictors.matter import by_appearance, matters, moved, typed_values
-from autophyx_tet.predictors.text.hearing import KINDS
+from autophyx_tet.predictors.text.parts import KINDS
 from autophyx_tet.research.evaluation.parser import listen
 
 from .test_looks import table

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from autophyx_tet.fem.errors import InputError
 from autophyx_tet.predictors.matter import FEATURES, PLAIN, SHIPPED, CategoriesByAppearance, measure
-from autophyx_tet.predictors.text.hearing import KINDS
+from autophyx_tet.predictors.text.parts import KINDS
 from autophyx_tet.research.training.kinds_by_looks import fit_kinds, fit_regression, save_kinds
 
 from .test_looks import table

