@@ -61,10 +61,10 @@ def read_scene(path: Path, data: bytes, references: References) -> AssetContent:
     return AssetContent(surfaces, metres=metres, up_guess="y", warnings=warnings)
 
 
+FBX = Format("FBX", (".fbx",), read=read_scene, keeps=frozenset({Keeps.UNIT, Keeps.PARTS}))
 SCENE = Format(
-    "FBX and other scenes", (".fbx", ".3ds", ".x3d", ".lwo"), read=read_scene,
-    keeps=frozenset({Keeps.PARTS}),
-)  # fmt: skip
+    "other scenes", (".3ds", ".x3d", ".lwo"), read=read_scene, keeps=frozenset({Keeps.PARTS})
+)
 
 
 # CAD by OpenCASCADE, of the extra ``cad``: bodies as glTF, with the names of their products.
