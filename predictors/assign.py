@@ -29,6 +29,7 @@ def predict_materials(
     alpha: float | None = None,
     samples: int = 0,
     volumes: Sequence[float] | None = None,
+    within: Callable[[int, float], float] | None = None,
     usual: Mapping[str, tuple[str, str]] | None = None,
     up: UpAxis = "z",
     appearance: Callable[[], Appearance] | None = None,
@@ -39,7 +40,8 @@ def predict_materials(
     parts: The cells [m] of every part.
     bound: What the user says of the object, and of which part.
     predictor: Who finds what words leave open, or its name in ``PREDICTORS``.
-    overrides, materials, values, alpha, volumes: As ``Lookup.settle`` takes them; volumes [m^3].
+    overrides, materials, values, alpha, volumes, within: As ``Lookup.settle`` takes them; volumes
+        [m^3], depths [m].
     samples: How many plausible materials to draw of every part that words leave open.
     usual: By part a kind of thing and its usual material, for where no word names another.
     up: The axis that points up.
@@ -62,7 +64,7 @@ def predict_materials(
     table = table or load_table()
     settled = lookup_of(table).settle(
         parts.part_labels, bound, overrides=overrides, materials=materials, values=values,
-        alpha=alpha, volumes=volumes,
+        alpha=alpha, volumes=volumes, within=within,
     )  # fmt: skip
     choices = list(settled.choices)
     for i, choice in enumerate(choices):

@@ -276,6 +276,38 @@ class Motion:
         return self.kinetic + self.elastic + self.potential + self.barrier
 
 
+# An impact is followed where no step loses more of the energy than the first of these, the barrier
+# never holds more of it than the second, and the largest force stands out of the steps beside it by
+# no more than the third.
+IMPACT_LOST, IMPACT_BARRIER, IMPACT_ROUGH = 0.1, 0.1, 0.15
+
+
+class Impact(NamedTuple):
+    """How obstacles were met, in all steps that were taken.
+
+    ``forces`` (obstacles,) [N] are the largest of every obstacle. ``lost`` is the largest fraction
+    [1] of the energy that one step lost, but to friction; ``barrier`` that which the barrier of the
+    obstacles held, ``rough`` what the largest force stands out by of the steps beside it [1].
+    """
+
+    forces: np.ndarray
+    lost: float
+    barrier: float
+    rough: float
+
+    @property
+    def unresolved(self) -> str:
+        """What was not resolved: 'time', 'surface', 'force', or '' where these are to be trusted.
+
+        Its steps are too long; it is stiffer than the barrier around obstacles; forces are spikes.
+        """
+        if self.lost > IMPACT_LOST:
+            return "time"
+        if self.barrier > IMPACT_BARRIER:
+            return "surface"
+        return "force" if self.rough > IMPACT_ROUGH else ""
+
+
 @dataclass(frozen=True, eq=False)
 class MotionResult:
     """A body in motion.
@@ -293,6 +325,8 @@ class MotionResult:
         The particles, where the motion is theirs; whether all faces kept out of each other.
     notes, solution, model_error
         What was assumed; what solved it, as names and words; how far few coordinates are off.
+    impact
+        How well the meeting with obstacles was followed; None: not known.
 
     Examples
     --------
@@ -316,6 +350,7 @@ class MotionResult:
     solution: tuple[tuple[str, str], ...] = ()
     model_error: ModelError | None = None
     stiffening: float = np.nan
+    impact: Impact | None = None
 
     @property
     def displacements(self) -> Float[np.ndarray, "frames points 3"]:
@@ -388,6 +423,25 @@ class Modes:
     error: float = np.nan
 
 
+class Breakage(NamedTuple):
+    """What tore in a motion of particles.
+
+    ``judged`` is the fraction [1] of the body's volume whose tearing was followed: what has a
+    strength and an energy of its cracks, and is not too stiff for the steps. Of that ``fraction``
+    [1] carries less than half of its stress, in the ``parts``, about the ``place`` [m] at rest
+    (NaN: nowhere). The body is in so many ``pieces``, crumbs aside, of ``pieces_before``. A crack
+    costs ``crack_energy`` times what was stated [1]: more than once where the grid is too coarse.
+    """
+
+    judged: float
+    fraction: float
+    parts: tuple[str, ...]
+    place: tuple[float, float, float]
+    pieces: int
+    pieces_before: int
+    crack_energy: float
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ParticleRun:
     """The particles of a motion that was found by them.
@@ -398,6 +452,7 @@ class ParticleRun:
         belong to so many rigid bodies, and that were softened.
     lagrangian: Whether the weights were those at rest.
     notes, laws: What was assumed, and the laws of its matter in words.
+    breakage: What tore.
     part: Region of every particle, shape (n,).
     positions, gradients: Places [m] and deformation gradients in every frame, (frames, n, 3) and
         (frames, n, 3, 3).
@@ -415,6 +470,7 @@ class ParticleRun:
     lagrangian: bool
     notes: tuple[str, ...]
     laws: tuple[str, ...]
+    breakage: Breakage
     part: Int[np.ndarray, "n"]
     positions: Float[np.ndarray, "frames n 3"]
     gradients: Float[np.ndarray, "frames n 3 3"]

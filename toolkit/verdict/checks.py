@@ -338,9 +338,18 @@ def follows(motion: MotionResult) -> tuple[Check, ...]:
 
 
 def contact_forces(motion: MotionResult, names: Sequence[str]) -> Check:
-    """Who presses whom, at most; ``names`` are those of the pieces."""
+    """Who presses whom, at most; ``names`` are those of the pieces.
+
+    It is not made where an impact was not resolved, and in doubt where that is not known.
+    """
     forces = np.linalg.norm(motion.obstacle_forces, axis=2).max(axis=0, initial=0.0)
-    pressures = motion.largest_pressures
+    impact, pressures = motion.impact, motion.largest_pressures
+    if impact is not None and forces.any():
+        forces = np.maximum(forces, impact.forces)
+        if why := impact.unresolved:
+            told = {"lost": impact.lost, "barrier": impact.barrier}
+            why = Note(f"checks.unresolved_{why}", **told)
+            return Check("contact", "not made", Note("checks.press_unknown", why=why), why=why)
     pressed: list[str] = []
     for k, force in enumerate(forces):
         if force > 0:
@@ -357,7 +366,27 @@ def contact_forces(motion: MotionResult, names: Sequence[str]) -> Check:
         pressed.append(Note("checks.by_itself", pressure=pressures.own))
     largest = max([*forces.tolist(), *between.values()], default=0.0)
     said = Note("checks.pressed" if pressed else "checks.not_pressed", by="; ".join(pressed))
-    return Check("contact", "passed", said, largest, unit="N")
+    doubt = Note("checks.impact_unknown") if forces.any() and impact is None else ""
+    outcome: Outcome = "doubtful" if doubt else "passed"
+    return Check("contact", outcome, f"{said} {doubt}".strip(), largest, unit="N", why=doubt)
+
+
+def breakage(run: ParticleRun, *, wanted: bool) -> tuple[Check, ...]:
+    """What tore, where anything can; ``wanted``: else say that this was not followed."""
+    torn = run.breakage
+    if not torn.judged:
+        return (Check("breakage", "not made", Note("checks.cannot_tear")),) if wanted else ()
+    told = {"parts": ", ".join(torn.parts), "pieces": torn.pieces, "before": torn.pieces_before}
+    told |= {"fraction": percent(torn.fraction), "judged": percent(torn.judged)}
+    place = tuple(torn.place) if torn.fraction else None
+    told["place"] = ", ".join(f"{x:.3g}" for x in place or ())
+    said = Note("checks.torn" if place else "checks.whole", **told)
+    outcome: Outcome = "failed" if place else "passed"
+    doubt = ""
+    if place is None and torn.crack_energy > 1.1:
+        outcome, doubt = "doubtful", Note("checks.costly_cracks", times=torn.crack_energy)
+    said = f"{said} {doubt}".strip()
+    return (Check("breakage", outcome, said, torn.fraction, 0.0, place=place, why=doubt),)
 
 
 def in_the_grid(run: ParticleRun) -> Check:

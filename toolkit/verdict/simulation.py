@@ -318,13 +318,17 @@ class MotionSimulation(Simulation):
         # Forces of the obstacles, frame by frame, and of the pieces on each other
         pushes = np.linalg.norm(motion.obstacle_forces, axis=2)
         forces, pressures = pushes.max(axis=0), motion.largest_pressures
+        impact = motion.impact
+        unknown = impact is not None and bool(pushes.any() and impact.unresolved)
+        if impact is not None:
+            forces = np.maximum(forces, impact.forces)
         found: dict[str, Any] = {
             "frames": len(motion.frames),
             "dt": motion.dt,
             "max_displacement": float(np.linalg.norm(motion.displacements, axis=2).max()),
             "smallest_gap": motion.smallest_gap,
-            "max_contact_force": float(forces.max(initial=0.0)),
-            "max_obstacle_forces": forces.tolist(),
+            "max_contact_force": None if unknown else float(forces.max(initial=0.0)),
+            "max_obstacle_forces": None if unknown else forces.tolist(),
             "obstacle_forces": pushes.tolist(),
         }
         if pressures is not None:
@@ -348,12 +352,14 @@ class MotionSimulation(Simulation):
             "newton_iterations": sum(f.iterations for f in motion.frames),
             "model_error": motion.model_error,
             "stiffening": motion.stiffening,
+            "impact": impact and {**impact._asdict(), "unresolved": impact.unresolved},
         }
         if run is not None:
             known = ("substeps", "outside", "stationary", "rigid", "bodies", "capped")
             known += ("lagrangian", "spacing", "nodes", "plan")
             particles = {name: getattr(run, name) for name in known}
             found["particles"] = {"count": len(run.part), **particles}
+            found["breakage"] = run.breakage._asdict()
         return found
 
     @cached_property
@@ -389,6 +395,7 @@ class MotionSimulation(Simulation):
     def checks(self) -> Sequence[Check]:
         """Nothing goes through an obstacle or gains energy; who presses whom; fit elements."""
         from .checks import (
+            breakage,
             contact_forces,
             follows,
             in_the_grid,
@@ -399,7 +406,9 @@ class MotionSimulation(Simulation):
 
         energy = keeps_energy(self.motion, self.scene)
         if self.motion.particles is not None:
-            return [in_the_grid(self.motion.particles), *energy]
+            run, wanted = self.motion.particles, self.scenario in ("tear", "fall")
+            met = [contact_forces(self.motion, ())] if self.motion.obstacle_forces.any() else []
+            return [in_the_grid(run), *met, *energy, *breakage(run, wanted=wanted)]
         met = (no_penetration(self.motion), contact_forces(self.motion, self._piece_names))
         suits = [locking(self.motion)] if self.motion.order else []
         return [*met, *energy, *suits, *follows(self.motion)]
