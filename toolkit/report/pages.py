@@ -31,7 +31,7 @@ from ..asset.document import SCHEMA, Sidecar, is_guess, now, plain, versions, wr
 from ..meshing.messages import listed
 from ..meshing.quality import Quality, dihedral_angles, quality
 from ..verdict.checks import gives_way, times
-from ..verdict.description import describe, marks
+from ..verdict.description import describe, marks, place_rows
 from ..verdict.run import RunResult, Stopwatch
 from ..verdict.simulation import ModalSimulation, Simulation, StaticSimulation
 from ..verdict.verdict import Check, si
@@ -212,6 +212,7 @@ def _case(
         acting=describe(simulation.scene),
         marks=marks(simulation.scene),
         solved=simulation.solution,
+        places=tuple(place_rows(simulation.numbers)) if rests else (),
         answers=(*found(simulation, parts), *([] if doubts is None else [unheard(doubts)])),
         touch=body,
     )

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import Literal, NamedTuple
+from collections.abc import Iterator, Mapping
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
-from ...fem.mesh import face_areas, free_motions, rigid_motions
-from ...fem.note import Note
+from ...fem.mesh import face_areas
 from ...fem.scene.loads import resultant
 from ...fem.scene.obstacles import Box, Capsule, Obstacle, Plane, Sphere
 from ...fem.scene.scene import Hold, Scene
@@ -113,33 +112,38 @@ def describe(scene: Scene) -> tuple[Acting, ...]:
     return tuple(acting)
 
 
-def free_ways(scene: Scene) -> str:
-    """The motions that nothing resists, in words; empty where there are none."""
-    held, points = scene.held, scene.mesh.points
-    motions = free_motions(scene.mesh, held.fixed | (held.springs > 0)).motions
-    if not (count := motions.shape[2]):
-        return ""
-    rigid = rigid_motions((points - points.mean(axis=0)) / scene.longest).reshape(-1, 6)
-    motions = motions.reshape(len(rigid), count)
-    rows = np.linalg.lstsq(rigid, motions, rcond=None)[0]
-    if np.abs(rigid @ rows - motions).max() > ALONG * np.abs(motions).max():
-        return Note("description.pieces_move", count=count)
-    shift, turn = rows[:3], rows[3:]
-    _, sizes, mixes = np.linalg.svd(turn)
-    turns = int((sizes > ALONG * np.abs(rows).max()).sum())
+# Columns of a table of places: what carries a rest, and what acts on it.
+PLACES = {
+    "does": "", "place": "place", "force": "force", "torque": "torque about its middle",
+    "area": "area", "fixed": "on fixed points",
+}  # fmt: skip
 
-    def axes(span: np.ndarray) -> str:
-        within = np.linalg.norm(np.linalg.qr(span)[0], axis=1) > 1 - ALONG
-        own = [name for name, inside in zip(AXES, within, strict=True) if inside]
-        askew = Note("description.askew", count=span.shape[1])
-        return " and ".join(own) if len(own) == span.shape[1] else askew
 
-    ways: list[str] = []
-    if turns < count:
-        ways.append(Note("description.slides", axes=axes(shift @ mixes[turns:].T)))
-    if turns:
-        ways.append(Note("description.turns", axes=axes(turn @ mixes[:turns].T)))
-    return ", ".join(ways)
+def place_rows(rest: Mapping[str, Any]) -> list[dict[str, str]]:
+    """What every support carries and every load does, in words, of the numbers of a rest."""
+    rows = [("held", one) for one in rest["reactions"]] + [("load", one) for one in rest["loads"]]
+    largest = {
+        name: max((np.linalg.norm(one[name]) for _, one in rows), default=0.0)
+        for name in ("force", "torque")
+    }
+
+    def words(one: Mapping[str, Any], name: str, unit: str) -> str:
+        vector = np.asarray(one[name], dtype=float)
+        if np.linalg.norm(vector) <= BALANCED * largest[name]:  # round-off of what balances
+            return "0"
+        return vector_words(vector, unit)
+
+    return [
+        {
+            "does": does,
+            "place": one["place"] or ("its support" if does == "held" else "its surface"),
+            "force": words(one, "force", "N"),
+            "torque": words(one, "torque", "N m"),
+            "area": area_words(one["area"]) if "area" in one else "",
+            "fixed": f"{one['on_fixed']:.0%}" if "on_fixed" in one else "",
+        }
+        for does, one in rows
+    ]
 
 
 def _holds_of_scenario(scene: Scene) -> Iterator[Hold]:

@@ -25,7 +25,7 @@ from ...fem.uncertainty import Draws, Exact, ranged_answers
 from ..asset.document import mesh_document
 from ..driving import DriveRecord
 from ..meshing.messages import listed
-from .description import describe, free_ways, vector_words
+from .description import describe
 from .verdict import Check, as_table, in_a_line, si, with_doubts
 
 
@@ -175,6 +175,7 @@ class Simulation(ABC):
             "scene": [acting._asdict() for acting in describe(self.scene)],
             self.kind: {
                 **self.numbers,
+                "solution": dict(self.solution),
                 "verdicts": [found.document() for found in self.verdicts()],
             },
             "seconds": self.seconds,
@@ -236,7 +237,7 @@ class StaticSimulation(Simulation):
 
     @property
     def solution(self) -> tuple[tuple[str, str], ...]:
-        """Law and elements, solver, and what the supports carry."""
+        """Law and elements, and solver."""
         static = self.solved.static
         solver = static.solver or "Newton's method"
         if static.iterations and not static.solver.count(" after "):  # which counts them itself
@@ -245,7 +246,6 @@ class StaticSimulation(Simulation):
         return (
             ("Law and elements", f"{LAWS[static.law].title}, {elements} tets"),
             ("Solver", f"{solver}, residual {static.residual:.1g}"),
-            ("Force of the supports", vector_words(static.reaction.sum(axis=0), "N")),
         )
 
     @cached_property
@@ -467,7 +467,14 @@ class ModalSimulation(Simulation):
     def numbers(self) -> dict[str, Any]:
         """Frequencies [Hz] and the residual of the eigensolver."""
         known = {"frequencies": self.frequencies, "residual": self.modes.residual}
-        return {**known, "intervals": self.intervals}
+        return {**known, "free": self.modes.free, "intervals": self.intervals}
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What was assumed, and what moves freely."""
+        names = ", ".join(dict.fromkeys(self.modes.free))
+        free = (Note("checks.free_motions", names=names),) if names else ()
+        return (*self.scene.warnings, *free)
 
     @cached_property
     def intervals(self) -> dict[str, Any] | None:
@@ -492,10 +499,6 @@ class ModalSimulation(Simulation):
         from .checks import first_frequency, span_of_answers
 
         checks = [first_frequency(self.modes)]
-        if ways := free_ways(self.scene):
-            checks.insert(
-                0, Check("free motions", "failed", Note("checks.free_motions", motions=ways))
-            )
         if (known := self.intervals) is not None:
             checks.append(
                 span_of_answers(known["mass"], None, known["frequencies"], known["likely"])

@@ -36,7 +36,7 @@ RESTS_ON = {
     "buckling": (*BODY, *MESH),
     "upright": (*BODY, "buckling"),
     "strength": (*BODY, *MESH, "buckling"),
-    "first frequency": (*BODY, *MESH, "free motions"),
+    "first frequency": (*BODY, *MESH),
     "range": BODY,
     "mass": BODY,
     "explicit step": ("size", "materials"),
