@@ -66,6 +66,15 @@ def test_nothing_is_green_beside_a_guess():
     assert [v.outcome for v in sure.verdicts() if v.name == "inside band"] == ["passed"]
 
 
+def test_a_load_that_reaches_only_fixed_points_is_told():
+    """All of it, most of it, or none lands where the body is fixed."""
+    for places, outcome in (("plane:x<0", "failed"), ("plane:x<0.2", "passed")):
+        load = {"plane:x<0" if outcome == "failed" else "plane:x>0.3": (0, 0, -100)}
+        checks = found(apx.simulate(bar(), fix=[places], load=load))
+        assert checks["loads"].outcome == outcome
+        assert outcome == "passed" or checks["holds shape"].outcome == "doubtful"
+
+
 def test_a_strength_that_nobody_knows_is_told():
     check = found(apx.simulate(bar()))["strength"]
     assert check.outcome == "not made"

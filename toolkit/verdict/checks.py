@@ -11,6 +11,7 @@ from ...fem.mesh import USUAL_SIZE, TetMesh, edge_fraction, largest_explicit_ste
 from ...fem.note import Note
 from ...fem.reactions import standing_pieces
 from ...fem.safety import Safety
+from ...fem.scene.loads import resultant
 from ...fem.scene.scene import Scene
 from ...fem.solve.contact import support_polygon
 from ...fem.solve.result import (
@@ -41,6 +42,7 @@ TRUSTED = 0.1
 # A body stands where it buckles under no less than this multiple of its load.
 STANDS = 1.0
 SLIDES = 0.05  # friction [1] that any ground has but ice; less is not told
+TAKEN_UP = 0.5  # fraction of a load that may land on fixed points
 GRAVITY = 9.81  # [m/s^2], of a scene that leaves the weight out, as wind and a finger do
 USUAL_STEP = 1e-4  # [s], of explicit simulators
 # A first frequency below this is seen as wobbling.
@@ -142,6 +144,25 @@ def stays_upright(result: SagResult, scene: Scene) -> tuple[Check, ...]:
     if np.isinf(inside):
         said = Note("checks.lifts_off")
     return (Check("upright", _passed(passed), said, inside, 0.0, "m"),)
+
+
+def loads_reach(scene: Scene) -> tuple[Check, ...]:
+    """Whether the loads that a user named land on points that can move; none where there are none.
+
+    One of which more than half lands on fixed points is in doubt: their supports take it up.
+    """
+    shares = [
+        (resultant(scene.mesh, load, scene.held).on_fixed, load.name)
+        for load in scene.tractions
+        if load.name
+    ]
+    if not shares:
+        return ()
+    share, name = max(shares)
+    outcome: Outcome = "passed" if share <= TAKEN_UP else "doubtful" if share < 1 else "failed"
+    told = {"place": name, "share": percent(share)}
+    said = Note("checks.loads_reach" if share <= TAKEN_UP else "checks.loads_fixed", **told)
+    return (Check("loads", outcome, said, share, TAKEN_UP),)
 
 
 def first_frequency(modes: Modes | None, why: str = "") -> Check:

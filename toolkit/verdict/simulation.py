@@ -289,6 +289,7 @@ class StaticSimulation(Simulation):
         """Shape, buckling, mesh, explicit step, size, standing, strength, frequency, range."""
         from .checks import (
             first_frequency,
+            loads_reach,
             span_of_answers,
             static_checks,
             stays_upright,
@@ -302,6 +303,7 @@ class StaticSimulation(Simulation):
         softest = known.get("load_factor")
         checks = [
             *static_checks(self.solved, size_stated=self.size_stated, load_factors=softest),
+            *loads_reach(self.scene),
             *stays_upright(self.solved, self.scene),
             *(strength(one, self.solved.discretisation_error) for one in self.safety),
             *strength_unmade(sorted(unknown), self.materials, rests=self.solved.trusted),

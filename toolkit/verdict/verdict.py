@@ -37,7 +37,7 @@ RESTS_ON = {
     "upright": (*BODY, "buckling"),
     "strength": (*BODY, *MESH, "buckling"),
     "first frequency": (*BODY, *MESH),
-    "range": BODY,
+    "range": (*BODY, *MESH),
     "mass": BODY,
     "explicit step": ("size", "materials"),
     "inside band": ("materials",),
