@@ -26,7 +26,7 @@ from ..mesh import FACES, TetMesh, equal_faces, face_areas, material_of
 from ..note import Note
 from ..scene.loads import Traction
 from ..scene.supports import Supports
-from .modal import QUICK, constrained_inverse, natural_modes, quadratic_modes
+from .modal import QUICK, constrained_inverse, factor_fits, natural_modes
 from .result import BENDS_ALIKE, CUBIC, LOCKING, DiscretisationError, StaticResult
 
 # Unknowns of quadratic elements up to which a motion takes them where linear ones lock in bending.
@@ -72,7 +72,7 @@ def linear_stiffening(mesh: TetMesh, supports: Supports | None = None) -> float:
     ones have no modes within seconds.
     """
     try:
-        if not quadratic_modes(mesh, most=QUICK):
+        if not factor_fits(mesh, most=QUICK):
             return np.nan
         linear, quadratic = (
             float(natural_modes(mesh, 1, supports=supports, order=order).frequencies[0]) ** 2
