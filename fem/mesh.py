@@ -264,6 +264,20 @@ def _components(pairs: tuple[np.ndarray, np.ndarray], count: int) -> np.ndarray:
     return connected_components(graph, directed=False)[1]
 
 
+def outer_faces(mesh: TetMesh) -> Bool[np.ndarray, "faces"]:
+    """Which faces of ``mesh.boundary`` are of its outer surface, not of a closed cavity.
+
+    Seen from outside of the solid a cavity is inside out: its volume is negative. Surfaces that
+    share an edge are one.
+    """
+    faces = mesh.boundary.faces
+    order, same = equal_faces(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2))
+    label = _components((order[:-1][same] // 3, order[1:][same] // 3), len(faces))
+    middle = mesh.points[faces].mean(axis=1) - mesh.bounds.mean(axis=0)
+    volume = np.bincount(label, (middle * area_vectors(mesh.points, faces)).sum(axis=1))
+    return volume[label] > 0
+
+
 def piece_names(mesh: TetMesh) -> tuple[str, ...]:
     """Names of the parts in every piece of ``point_components``, the first three of each."""
     piece, names = point_components(mesh)[mesh.tets[:, 0]], []

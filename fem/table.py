@@ -214,9 +214,12 @@ class MaterialTable:
         """Rows whose name, aliases or category hold every word of the query, best match first."""
         words = key(query)
 
+        whole = re.compile(rf"\b{re.escape(words)}\b")
+
         def rank(row: Material) -> int:
             names = [key(row.name), *map(key, row.aliases)]
-            return 0 if words in names else 1 if words in names[0] else 2
+            found = (words in names, whole.search(names[0]), whole.search(text(row)), True)
+            return next(i for i, there in enumerate(found) if there)
 
         def text(row: Material) -> str:
             return key(" ".join([row.name, row.category, *row.aliases]))
@@ -379,6 +382,24 @@ class Grain:
 
 
 @dataclass(frozen=True)
+class CrossStrength:
+    """Strengths of a material with a grain or fibres, beside those along them.
+
+    tension, compression: Stress across the grain that it stands [Pa].
+    shear: Shear stress that it stands along the grain [Pa].
+    source: Where the numbers come from.
+    estimated: Those of them that are estimates, by the row's own strengths along the grain and
+        what is usual for its category.
+    """
+
+    tension: float
+    compression: float
+    shear: float
+    source: str
+    estimated: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
 class Colour:
     """The typical colour of a bare material, not painted: CIE L*a*b* of 1976 at D65.
 
@@ -441,6 +462,41 @@ def load_grains() -> Mapping[str, Grain]:
         )
         for record in _records(DATA / "grain.csv")
     }
+
+
+@lru_cache(maxsize=1)
+def load_cross_strengths() -> Mapping[str, CrossStrength]:
+    """Return strengths across the grain by the name of the row: of all that have a grain.
+
+    What is not known is a share of the strength along the grain: the median of those of its
+    category whose strengths are known, or of all.
+    """
+    sides, strengths, table = ("tension", "compression", "shear"), load_strengths(), load_table()
+    records = {record["name"]: record for record in _records(DATA / "across.csv")}
+    known = {
+        (name, side): float(record[f"{side}_Pa"])
+        for name, record in records.items()
+        for side in sides
+        if record[f"{side}_Pa"]
+    }
+
+    def along(name: str, side: str) -> float:
+        return strengths[name].limit(compression=side != "tension")
+
+    def usual(name: str, side: str) -> float:
+        shares = {other: known[other, side] / along(other, side) for other in records
+                  if (other, side) in known}  # fmt: skip
+        category = table.exact(name).category
+        alike = [x for other, x in shares.items() if table.exact(other).category == category]
+        return float(np.median(alike or [*shares.values()])) * along(name, side)
+
+    found = {}
+    for name in load_grains().keys() & strengths.keys():
+        values = [known.get((name, side)) or usual(name, side) for side in sides]
+        estimated = tuple(side for side in sides if (name, side) not in known)
+        source = records[name]["source"] if name in records else ""
+        found[name] = CrossStrength(*values, source=source, estimated=estimated)
+    return found
 
 
 @lru_cache(maxsize=1)

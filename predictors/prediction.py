@@ -89,6 +89,12 @@ class PartChoice:
         return self.unknown is None
 
     @property
+    def is_cellular(self) -> bool:
+        """Whether it is cells of its row, as a print or a foam is: lighter than any such matter."""
+        kinds = {getattr(line, "kind", "") for line in self.derivation}
+        return not kinds.isdisjoint({"numbers.infill_pa", "numbers.cells"})
+
+    @property
     def warnings(self) -> tuple[str, ...]:
         """Sentences about the row that was taken, whoever took it."""
         if self.unknown is None:

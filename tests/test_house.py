@@ -15,7 +15,7 @@ FLOORS = {
     "fem": (
         "note", "errors", "validation", "registry", "device", "table", "material", "mesh",
         "scene", "laws", "elements", "linalg", "grain", "solve", "mpm", "reduced", "springs",
-        "identify", "scenarios", "safety", "uncertainty",
+        "identify", "scenarios", "reactions", "safety", "uncertainty",
     ),
     "predictors": (
         "asset", "grid", "field", "encoders", "text", "appearance", "prediction", "resolve",

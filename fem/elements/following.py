@@ -57,7 +57,8 @@ class FollowingLoads:
                 self.pressed.append(_Pressed(nodes, p))
             elif load.follows == "torque":
                 carrying = nodes[:, 3:] if space.order == 2 else faces  # as ``traction_force``
-                self.turned.append((faces, carrying, resultant(mesh, load).torque))
+                turned = (faces, carrying, resultant(mesh, load).torque, load.shares)
+                self.turned.append(turned)
         # Shape functions (points, k) and their derivatives (points, k, 2) at weighted points
         t, w = np.polynomial.legendre.leggauss(GAUSS)
         t, w = (t + 1) / 2, w / 2
@@ -91,9 +92,9 @@ class FollowingLoads:
         for nodes, p, _ in self.pressed:
             across = np.cross(*np.einsum("qks,fkd->sfqd", self.D, x[nodes]))
             np.add.at(total, nodes, -np.einsum("f,q,qk,fqd->fkd", p, self.weights, self.N, across))
-        for faces, carrying, torque in self.turned:
+        for faces, carrying, torque, shares in self.turned:
             areas = face_areas(x, faces)
-            each = turning_traction(x, faces, torque) * areas[:, None] / 3
+            each = turning_traction(x, faces, torque, shares) * areas[:, None] / 3
             np.add.at(total, carrying, each[:, None])
         return total
 

@@ -23,7 +23,7 @@ from ..elements.assembly import (
     node_supports,
     stiffness,
 )
-from ..elements.forces import lumped_mass
+from ..elements.forces import lumped_mass, mass_fractions
 from ..errors import ConvergenceError, InputError
 from ..laws.law import Law
 from ..linalg.cholesky import CholeskyFactor, planned_elimination
@@ -57,12 +57,13 @@ class WhatIfError(NamedTuple):
     """Reduced runs beside the full body's, for those ``runs`` that were solved in full too.
 
     Relative errors [1] of the displacement at ``rest``, in the norm of mass, and of the first
-    ``frequency``, each (runs,).
+    ``frequency``, each (runs,). Of ``unsolved`` others the full body found no rest.
     """
 
     runs: np.ndarray
     rest: np.ndarray
     frequency: np.ndarray
+    unsolved: int
 
 
 @single_threaded
@@ -128,25 +129,29 @@ def what_if_error(
     It has elements of ``order``, at least the model's: with 2 what linear ones lock is in the
     error. ``forces`` gives what the load of a run was pulled back from: [N] at the model's nodes.
 
-    Raises ConvergenceError: Where no run has a rest, or the full body finds none.
+    Raises ConvergenceError: Where no run has a rest.
     """
     if not np.isfinite(found.largest).any():
         raise ConvergenceError("sweep.none_runs", count=len(found.largest))
     farthest = int(np.nanargmax(found.largest))
     others = np.setdiff1d(np.flatnonzero(np.isfinite(found.largest)), [farthest])
     drawn = np.random.default_rng(seed).permutation(others)[: count - 1]
-    runs = np.array([farthest, *drawn])
-    rest, frequency = np.empty(len(runs)), np.empty(len(runs))
-    for i, run in enumerate(runs):
+    solved, unsolved = [], 0
+    for run in (farthest, *drawn):
         material = material_of(mesh)
         moduli = ElementMaterial(material.E * scales[run][mesh.region], material.nu, material.rho)
         body = mesh.with_material(moduli)
-        solved = solve_nonlinear(body, supports, forces=forces(int(run)), law=law, order=order)
-        full = solved.node_displacement[: len(model.points)]
-        rest[i] = relative_error(model, model.displacement(found.coordinates[run]), full)
-        modes = natural_modes(body, 1, supports=supports, order=order, lumped=order == 1)
-        frequency[i] = found.frequency[run] / modes.frequencies[0] - 1
-    return WhatIfError(runs, rest, frequency)
+        try:
+            full = solve_nonlinear(body, supports, forces=forces(int(run)), law=law, order=order)
+            modes = natural_modes(body, 1, supports=supports, order=order, lumped=order == 1)
+        except ConvergenceError:
+            unsolved += 1
+            continue
+        u, target = model.displacement(found.coordinates[run]), full.node_displacement
+        rest = relative_error(model, u, target[: len(model.points)])
+        solved.append((run, rest, found.frequency[run] / modes.frequencies[0] - 1))
+    runs, rests, frequencies = np.array(solved).reshape(-1, 3).T
+    return WhatIfError(runs.astype(np.int64), rests, frequencies, unsolved)
 
 
 # Numbers of a factor above which a family takes more than some seconds: a dozen are made.
@@ -169,8 +174,9 @@ class LinearFamily:
     """Members of a family of held bodies in few coordinates; what holds them must not be moved.
 
     The material of the tets of a group varies together; the stiffness of ``grained`` ones is a
-    tensor, which nu does not change. ``forces`` [N] at the points are dead, ``gravity_vector``
-    [m/s^2] acts on the mass, which varies; ``shapes`` are vibrations of the body as it is.
+    tensor, which nu does not change. ``forces`` [N] at the nodes are dead, ``gravity_vector``
+    [m/s^2] acts on the mass, which varies; ``shapes`` are vibrations of the body as it is, with
+    elements of ``order`` as all here.
     """
 
     def __init__(
@@ -180,19 +186,19 @@ class LinearFamily:
         groups: Bool[np.ndarray, "groups tets"],
         *,
         grained: Bool[np.ndarray, "groups"],
-        forces: Float[np.ndarray, "points 3"],
+        forces: Float[np.ndarray, "nodes 3"],
         gravity_vector: Float[np.ndarray, "3"],
-        shapes: Float[np.ndarray, "modes points 3"],
+        shapes: Float[np.ndarray, "modes nodes 3"],
+        order: int = 1,
     ) -> None:
         self.mesh, self.groups, self.grained = mesh, groups, grained
-        self.grid = discretise(mesh, 1)
+        self.grid = discretise(mesh, order)
         self.held = node_supports(supports, self.grid.space)
         self.forces, self.gravity, self.shapes = forces, np.asarray(gravity_vector, float), shapes
-        corner_mass = material_of(mesh).rho * mesh.volumes / 4
+        mass, share = material_of(mesh).rho * mesh.volumes, mass_fractions(order)
+        nodes, count = self.grid.space.elements.ravel(), len(self.grid.space.nodes)
         self._masses = [
-            np.bincount(
-                mesh.tets.ravel(), np.where(tets, corner_mass, 0.0).repeat(4), len(mesh.points)
-            )
+            np.bincount(nodes, np.outer(np.where(tets, mass, 0.0), share).ravel(), count)
             for tets in groups
         ]
         self._rest = lumped_mass(mesh, self.grid.space) - sum(self._masses)
@@ -221,8 +227,8 @@ class LinearFamily:
             tensor = np.where(grain[:, None, None], tensor * E[:, None, None], plain)
         return ElementMaterial(base.E * E, nu, base.rho * rho, tensor, base.axes)
 
-    def mass(self, member: Member) -> Float[np.ndarray, "points"]:
-        """Lumped mass [kg] of a member's points."""
+    def mass(self, member: Member) -> Float[np.ndarray, "nodes"]:
+        """Lumped mass [kg] of a member's nodes."""
         return self._rest + sum(r * m for r, m in zip(member.rho, self._masses, strict=True))
 
     def add(self, members: Iterable[Member]) -> list[np.ndarray]:
@@ -283,7 +289,7 @@ class LinearFamily:
 
     def answers(
         self, member: Member
-    ) -> tuple[Float[np.ndarray, "points 3"], Float[np.ndarray, "modes"]]:
+    ) -> tuple[Float[np.ndarray, "nodes 3"], Float[np.ndarray, "modes"]]:
         """Displacement at rest [m], and as many natural frequencies [Hz] as there are shapes."""
         rest, frequencies = self._reduced_answers(member)
         return self.basis @ rest, frequencies

@@ -2,7 +2,7 @@
 
 In: arrays of points, tets and E, nu, rho; names of the material table.
 Out: TetMesh, Supports, Traction, obstacles, and the Scene of all of them.
-Read: scene, supports, loads, obstacles, conditions, up.
+Read: scene, supports, loads, obstacles, selection, conditions, up.
 """
 
 from typing import Literal

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import difflib
-import re
 import tomllib
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -11,14 +10,13 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Int
 
 from ..errors import InputError, UsageError
-from ..mesh import TetMesh
 from ..note import Note
-from .loads import pressure, spread_force, spread_torque
+from .loads import pressure, resultant, spread_force, spread_torque
 from .obstacles import Box, Capsule, Obstacle, Plane, Sphere, obstacle_size
 from .scene import Hold, Scene
+from .selection import Selection, half_space, numbers, select
 from .supports import Supports
 
 # Numbers that stand behind the '=' of an entry.
@@ -39,7 +37,8 @@ class BoundaryConditions:
     load
         Forces [N], in total, spread over the surface of the place: 'part:head=0,0,-10'.
     pressure
-        Pressures [Pa] against the surface: 'part:seat=2000'; negative ones pull.
+        Pressures [Pa] against the surface: 'part:seat=2000'; negative ones pull. 'inside:all=2e5'
+        is in the cavities of a hollow body, without 'inside:' all loads act on its outer surface.
     torque
         Torques [N m], in total: 'part:knob=0,0,0.5'.
     move
@@ -91,28 +90,44 @@ class BoundaryConditions:
             held = held.with_fixed(place.points, place.axes)
             holds.append(Hold(place.words, place.points, place.axes))
         for place, value in self._placed(scene, "move"):
-            free = ~held.fixed[place.points]
-            if not free[:, place.axes].all():
-                count = int((~free[:, place.axes]).any(axis=1).sum())
-                warnings.append(Note("conditions.move_points", words=place.words, count=count))
-            values = np.where(free, value, held.values[place.points])[:, place.axes]
+            rows = np.ix_(place.points, np.array(place.axes))
+            by, taken = value[list(place.axes)], held.fixed[rows]
+            fights = (taken & (held.values[rows] != by)).any(axis=1)
+            if taken.all() and fights.any():
+                raise UsageError("conditions.move_held", words=place.words)
+            if count := int(fights.sum()):
+                there = place.points[fights]
+                moved = [h.name for h in holds if any(h.by) and np.isin(there, h.points).any()]
+                warnings.append(
+                    Note("conditions.moves_fight", words=place.words, count=count, other=moved[0])
+                    if moved
+                    else Note("conditions.move_points", words=place.words, count=count)
+                )
+            values = np.where(taken, held.values[rows], by)
             held = held.with_fixed(place.points, place.axes, values)
             holds.append(Hold(place.words, place.points, place.axes, tuple(value.tolist())))
         tractions = [*scene.tractions]
         make = {"load": spread_force, "pressure": pressure, "torque": spread_torque}
         for kind, spread in make.items():
             for place, value in self._placed(scene, kind):
-                option = f"--{kind} {place.words}"
-                if not len(place.faces):
-                    raise UsageError("conditions.face_surface", option=option)
-                if not place.whole:
-                    count = len(place.faces)
-                    warnings.append(Note("conditions.whole_face", option=option, count=count))
+                option, shares = f"--{kind} {place.words}", place.shares
+                if not value.any():
+                    warnings.append(Note("conditions.load_zero", option=option))
+                    continue
+                if not shares.any():  # of a line a force has the faces beside it, a pressure none
+                    if kind == "pressure" or not len(shares):
+                        raise UsageError("conditions.face_surface", option=option)
+                    warnings.append(Note("conditions.on_a_line", option=option, count=len(shares)))
+                    shares = np.ones(len(shares))
+                number = value if len(value) > 1 else float(value[0])
                 try:
-                    load = spread(mesh, place.faces, value if len(value) > 1 else float(value[0]))
+                    load = spread(mesh, place.faces, number, shares=shares)
                 except InputError as error:
                     raise UsageError(f"{option}: {error}") from error
-                tractions.append(load._replace(name=place.words))
+                load = load._replace(name=place.words)
+                if not resultant(mesh, load, held).on_fixed < 1:
+                    warnings.append(Note("conditions.load_fixed", option=option))
+                tractions.append(load)
         gravity = np.asarray(scene.gravity_vector, dtype=float)
         if self.gravity_dir is not None:
             way = np.asarray(self.gravity_dir, dtype=float)
@@ -154,130 +169,9 @@ def entries(given: str | Iterable[str] | Mapping[str, Any]) -> tuple[str, ...]:
 
 def _selected(scene: Scene, kind: str, words: str) -> Selection:
     try:
-        return select(scene.mesh, words.strip())
+        return select(scene.mesh, words.strip(), surface=kind in LOADS)
     except UsageError as error:
         raise UsageError(f"--{kind} {error}") from error
-
-
-AXES = "xyz"
-# Places reach this fraction of the diagonal further: `plane:z<0` means the face at z = 0 too, and
-# coordinates written as text lose their last digits.
-TOUCH = 1e-6
-
-
-class Selection(NamedTuple):
-    """A place of a mesh.
-
-    ``words`` are those of the user, ``axes`` the directions that a support there holds, a subset of
-    (0, 1, 2); ``points`` are the ids of the mesh points in it, ``faces`` (faces, 3) its share of
-    the surface, ``whole`` false where no face lies in it wholly and those that touch it were taken.
-    """
-
-    words: str
-    axes: tuple[int, ...]
-    points: Int[np.ndarray, "points"]
-    faces: Int[np.ndarray, "faces 3"]
-    whole: bool
-
-
-def select(mesh: TetMesh, words: str) -> Selection:
-    """Find the place that ``words`` mean; positions are in metres.
-
-    Raises UsageError: Where the words are not understood or nothing of the mesh lies there: it
-        names the nearest part and the box of the mesh.
-    """
-    # Directions stand after the last colon; a part may be called 'lid:x'
-    place, axes = words, (0, 1, 2)
-    before, _, last = words.rpartition(":")
-    is_part = words.startswith("part:") and words[len("part:") :] in mesh.region_names
-    if not is_part and last and re.fullmatch("x?y?z?", last) and (":" in before or before == "all"):
-        place, axes = before, tuple(AXES.index(axis) for axis in last)
-    kind, _, rest = place.partition(":")
-    if kind == "part":
-        folded = {known.casefold(): known for known in mesh.region_names}
-        part = rest if rest in mesh.region_names else folded.get(rest.casefold())
-        if part is None:
-            near = difflib.get_close_matches(rest.casefold(), folded, n=1, cutoff=0.5)
-            hint = Note("conditions.you_mean", region_names=folded[near[0]]) if near else ""
-            raise UsageError("conditions.such_part", words=words, hint=hint, around=_around(mesh))
-        inside = mesh.region == mesh.region_names.index(part)
-        if not inside.any():
-            raise UsageError("conditions.part_tets", words=words, around=_around(mesh))
-        boundary = mesh.boundary
-        faces = boundary.faces[inside[boundary.tet]]
-        return Selection(words, axes, np.unique(mesh.tets[inside]), faces, whole=True)
-    x = mesh.points
-    if kind == "box":
-        corners = numbers(rest, 6, words).reshape(2, 3)
-        lo, hi = corners.min(axis=0), corners.max(axis=0)
-        away = np.linalg.norm(np.maximum(np.maximum(lo - x, x - hi), 0.0), axis=1)
-    elif kind == "plane":
-        axis, sign, level = half_space(rest, words)
-        away = np.maximum(sign * (x[:, axis] - level), 0.0)
-    elif kind == "near":
-        *centre, radius = numbers(rest, 4, words)
-        if not radius > 0:
-            raise UsageError("conditions.radius_wanted", words=words, radius=radius)
-        away = np.maximum(np.linalg.norm(x - np.array(centre), axis=1) - radius, 0.0)
-    elif kind == "all":
-        if rest:
-            raise UsageError("conditions.wanted_all", words=words)
-        away = np.zeros(len(x))
-    else:
-        forms = Note("conditions.part_name")
-        raise UsageError("conditions.place_called", words=words, kind=kind, forms=forms)
-    touch = TOUCH * float(np.linalg.norm(np.ptp(mesh.bounds, axis=0)))
-    used = np.unique(mesh.tets)
-    ids = used[away[used] <= touch]
-    if not ids.size:
-        nearest = used[np.argmin(away[used])]
-        owner = mesh.region[np.flatnonzero((mesh.tets == nearest).any(axis=1))[0]]
-        place = ", ".join(f"{x:.4g}" for x in mesh.points[nearest])
-        raise UsageError(
-            "conditions.point_mesh",
-            words=words,
-            place=place,
-            region_names=mesh.region_names[owner],
-            away=away[nearest],
-            around=_around(mesh),
-        )
-    faces = mesh.boundary.faces
-    inside = np.isin(faces, ids)
-    whole = bool(inside.all(axis=1).any())
-    chosen = faces[inside.all(axis=1) if whole else inside.any(axis=1)]
-    return Selection(words, axes, ids, chosen, whole)
-
-
-def numbers(text: str, count: int, words: str) -> np.ndarray:
-    """``count`` finite numbers with commas between them; ``UsageError`` naming ``words`` else."""
-    try:
-        values = np.array([float(part) for part in text.split(",")])
-    except ValueError:
-        values = np.zeros(0)
-    if values.shape != (count,) or not np.isfinite(values).all():
-        form = "a number" if count == 1 else Note("conditions.numbers_commas", count=count)
-        raise UsageError(f"{words!r}: {text!r} is not {form}")
-    return values
-
-
-def half_space(text: str, words: str) -> tuple[int, float, float]:
-    """Axis, sign and level [m] of 'z<0.01': where sign * x[axis] is below sign * level.
-
-    ``UsageError`` naming ``words`` where it is something else.
-    """
-    match = re.fullmatch(r"\s*([xyz])\s*([<>])=?(.+)", text)
-    if match is None:
-        raise UsageError("conditions.wanted_plane", words=words)
-    sign = 1.0 if match[2] == "<" else -1.0
-    return AXES.index(match[1]), sign, float(numbers(match[3], 1, words)[0])
-
-
-def _around(mesh: TetMesh, most: int = 8) -> str:
-    names = ", ".join(mesh.region_names[:most])
-    more = f" and {len(mesh.region_names) - most} more" if len(mesh.region_names) > most else ""
-    spans = zip(AXES, *mesh.bounds, strict=True)
-    box = ", ".join(f"{axis} {lo:.4g} to {hi:.4g}" for axis, lo, hi in spans)
-    return Note("conditions.parts_mesh", names=names, more=more, box=box)
 
 
 def parsed_obstacle(words: str) -> Obstacle:

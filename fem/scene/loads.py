@@ -10,6 +10,7 @@ from jaxtyping import Float, Int
 
 from ..errors import InputError
 from ..mesh import TetMesh, face_areas, face_normals
+from .supports import Supports
 
 
 class Traction(NamedTuple):
@@ -23,6 +24,9 @@ class Traction(NamedTuple):
         Force per area [Pa], shape (faces, 3), or (3,) for all.
     name
         What it is, in words.
+    shares
+        How much of every face it was meant for, shape (faces,) [1], where it is not all of it:
+        ``value`` is so much smaller, and its force that on the share.
     follows
         'pressure' or 'torque' where it turns with its faces: it stays across them, or its moment
         stays; '': a dead load.
@@ -31,22 +35,31 @@ class Traction(NamedTuple):
     faces: np.ndarray
     value: np.ndarray
     name: str = ""
+    shares: np.ndarray | None = None
     follows: Literal["", "pressure", "torque"] = ""
 
 
 class Resultant(NamedTuple):
     """Total ``force`` (3,) [N] of a load, and its ``torque`` (3,) [N m] about ``centre`` (3,) [m].
 
-    ``area`` [m^2] is the loaded surface, ``centre`` its centroid.
+    ``area`` [m^2] is the loaded surface, ``centre`` its centroid, ``on_fixed`` [1] how much of what
+    acts there lands on fixed points, whose supports take it up.
     """
 
     force: np.ndarray
     torque: np.ndarray
     centre: np.ndarray
     area: float
+    on_fixed: float = 0.0
 
 
-def pressure(mesh: TetMesh, faces: Int[np.ndarray, "faces 3"], value: float) -> Traction:
+def pressure(
+    mesh: TetMesh,
+    faces: Int[np.ndarray, "faces 3"],
+    value: float,
+    *,
+    shares: Float[np.ndarray, "faces"] | None = None,
+) -> Traction:
     """Pressure on outward faces: the traction -p n.
 
     Parameters
@@ -57,6 +70,8 @@ def pressure(mesh: TetMesh, faces: Int[np.ndarray, "faces 3"], value: float) -> 
         Ids of points of boundary faces, shape (faces, 3).
     value
         Pressure p [Pa]; a negative one pulls.
+    shares
+        How much of every face is under it [1]; by default all.
 
     Returns
     -------
@@ -71,12 +86,16 @@ def pressure(mesh: TetMesh, faces: Int[np.ndarray, "faces 3"], value: float) -> 
     >>> bool(abs(load.value.sum(axis=0)).max() < 1e-9)  # on a closed surface it has no force
     True
     """
-    normals = face_normals(mesh.points, faces)
-    return Traction(faces, -value * normals, follows="pressure")
+    load = _shared(faces, -value * face_normals(mesh.points, faces), shares)
+    return load._replace(follows="pressure")
 
 
 def spread_force(
-    mesh: TetMesh, faces: Int[np.ndarray, "faces 3"], force: Sequence[float] | np.ndarray
+    mesh: TetMesh,
+    faces: Int[np.ndarray, "faces 3"],
+    force: Sequence[float] | np.ndarray,
+    *,
+    shares: Float[np.ndarray, "faces"] | None = None,
 ) -> Traction:
     """A force in total, the same on every square metre of faces.
 
@@ -88,6 +107,8 @@ def spread_force(
         Ids of points of boundary faces, shape (faces, 3).
     force
         Force [N], shape (3,).
+    shares
+        How much of every face takes part [1]; by default all.
 
     Returns
     -------
@@ -102,12 +123,17 @@ def spread_force(
     >>> round(float(load.value[0, 2]), 9)  # Pa: 6 N on 0.06 m^2
     -100.0
     """
-    value = np.asarray(force, dtype=float) / face_areas(mesh.points, faces).sum()
-    return Traction(faces, np.tile(value, (len(faces), 1)))
+    areas = face_areas(mesh.points, faces)
+    value = np.asarray(force, dtype=float) / (areas if shares is None else areas * shares).sum()
+    return _shared(faces, np.tile(value, (len(faces), 1)), shares)
 
 
 def spread_torque(
-    mesh: TetMesh, faces: Int[np.ndarray, "faces 3"], torque: Sequence[float] | np.ndarray
+    mesh: TetMesh,
+    faces: Int[np.ndarray, "faces 3"],
+    torque: Sequence[float] | np.ndarray,
+    *,
+    shares: Float[np.ndarray, "faces"] | None = None,
 ) -> Traction:
     """A torque in total, without a net force: the traction w x r about the centroid of faces.
 
@@ -121,6 +147,8 @@ def spread_torque(
         Ids of points of boundary faces, shape (faces, 3).
     torque
         Torque [N m], shape (3,).
+    shares
+        How much of every face takes part [1]; by default all.
 
     Returns
     -------
@@ -141,16 +169,18 @@ def spread_torque(
     >>> bool(abs(load.value.sum(axis=0)).max() < 1e-12)  # faces of one size: no force
     True
     """
-    return Traction(faces, turning_traction(mesh.points, faces, torque), follows="torque")
+    turning = turning_traction(mesh.points, faces, torque, shares)
+    return Traction(faces, turning, shares=shares, follows="torque")
 
 
 def turning_traction(
     points: Float[np.ndarray, "points 3"],
     faces: Int[np.ndarray, "faces 3"],
     torque: Sequence[float] | np.ndarray,
+    shares: np.ndarray | None,
 ) -> Float[np.ndarray, "faces 3"]:
     """Traction [Pa] of ``spread_torque`` on faces whose ``points`` are there [m]."""
-    areas, arms = _arms(points, faces)
+    areas, arms = _arms(points, faces, shares)
     square = (areas * (arms**2).sum(axis=1)).sum()
     moments = square * np.eye(3) - np.einsum("f,fi,fj->ij", areas, arms, arms)
     total = np.asarray(torque, dtype=float)
@@ -158,20 +188,41 @@ def turning_traction(
     # A moment of the line about itself is round-off, 1e-16 of the others: 1e-9 lies far from both.
     if not (square > 0 and np.allclose(moments @ spin, total, atol=1e-9 * abs(total).max())):
         raise InputError("loads.torque_about", count=len(faces))
-    return np.cross(spin, arms)
+    turning = np.cross(spin, arms)
+    return turning if shares is None else turning * shares[:, None]
 
 
-def resultant(mesh: TetMesh, load: Traction) -> Resultant:
-    """Total force, torque about the centroid of its faces, centroid and area of a load."""
-    areas, arms = _arms(mesh.points, load.faces)
-    each = np.broadcast_to(load.value, (len(load.faces), 3)) * areas[:, None]
+def resultant(mesh: TetMesh, load: Traction, held: Supports | None = None) -> Resultant:
+    """Total force, torque about the centroid of its surface, centroid and area of a load.
+
+    ``held`` tells how much of it lands on fixed points: of every face a third acts at the middle of
+    each edge, as on quadratic elements, and that is fixed in the directions in which both ends are.
+    """
+    areas, arms = _arms(mesh.points, load.faces, load.shares)
+    whole = face_areas(mesh.points, load.faces)
+    each = np.broadcast_to(load.value, (len(load.faces), 3)) * whole[:, None]
     middle = mesh.points[load.faces].mean(axis=1)[0] - arms[0]
-    return Resultant(each.sum(axis=0), np.cross(arms, each).sum(axis=0), middle, float(areas.sum()))
+    total, sizes = each.sum(axis=0), np.abs(each)
+    on_fixed = 0.0
+    if held is not None and sizes.any():
+        ends = held.fixed[load.faces]
+        free = 1 - (ends & np.roll(ends, 1, axis=1)).mean(axis=1)
+        on_fixed = 1 - float((sizes * free).sum() / sizes.sum())
+    torque = np.cross(arms, each).sum(axis=0)
+    return Resultant(total, torque, middle, float(areas.sum()), on_fixed)
+
+
+def _shared(faces: np.ndarray, value: np.ndarray, shares: np.ndarray | None) -> Traction:
+    """Traction of so much of every face, as what it is on the whole of it."""
+    return Traction(faces, value if shares is None else value * shares[:, None], shares=shares)
 
 
 def _arms(
-    points: Float[np.ndarray, "points 3"], faces: Int[np.ndarray, "faces 3"]
+    points: Float[np.ndarray, "points 3"],
+    faces: Int[np.ndarray, "faces 3"],
+    shares: np.ndarray | None,
 ) -> tuple[Float[np.ndarray, "faces"], Float[np.ndarray, "faces 3"]]:
-    """Area [m^2] of every face, and the way [m] to its middle from the centroid of them all."""
+    """Loaded area [m^2] of every face, and the way [m] to its middle from the centroid of all."""
     areas, middles = face_areas(points, faces), points[faces].mean(axis=1)
+    areas = areas if shares is None else areas * shares
     return areas, middles - areas @ middles / areas.sum()

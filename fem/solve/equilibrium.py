@@ -82,7 +82,8 @@ class StaticMethod:
         }
         solve = partial(solve_static, scene.mesh, scene.held, **loads)
         static = solve(order=order)
-        error = find_discretisation_error(static, scene.held, solve, **loads)
+        found = find_discretisation_error(static, scene.held, solve, **loads)
+        static = replace(static, cycle=None)  # and its memory
         why = None if law is None else Note("equilibrium.law_asked")
         if law is None:
             why = _beyond_linear(static, scene)
@@ -113,13 +114,15 @@ class StaticMethod:
             scene.height,
             largest,
             largest / scene.longest,
-            error,
+            found.relative,
             np.asarray(scene.held.fixed.any(axis=1)),
             tuple(warnings),
             load_factor=factor,
             load_factor_unmade=unmade,
             trusted=trusted,
             assumed=scene.held.assumed,
+            error_shares=found.shares,
+            reaction_error=found.reaction,
         )
 
 

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..device import Recorder, checked_device, single_threaded
+from ..device import Recorder, checked_device, single_threaded, start_warp
 from ..elements.assembly import (
     BlockMatrix,
     Discretisation,
     add_blocks,
+    add_diagonal,
     apply_supports,
     constrained_stiffness,
     discretise,
@@ -26,19 +28,21 @@ from ..elements.elastic import (
     linear_stress,
 )
 from ..elements.following import FollowingLoads
-from ..elements.forces import consistent_mass, diagonal_mass
+from ..elements.forces import consistent_mass, diagonal_mass, lumped_mass
 from ..elements.space import Space, affordable_order, element_points, extend_linear
 from ..errors import ConvergenceError, InputError, UsageError
 from ..laws.law import Law
 from ..linalg.cholesky import NotPositive, cached_factor, find_factor, planned_elimination
 from ..linalg.krylov import RitzPairs, lanczos
 from ..linalg.multigrid import TwoLevel, scale
-from ..linalg.solver import MOST_ENTRIES, PIVOT, rough_inverse
+from ..linalg.solver import MOST_ENTRIES, PIVOT, Inverse, rough_factor, rough_inverse
 from ..mesh import TetMesh, free_motions, material_of, rigid_motions
+from ..note import Note
 from ..scene.loads import Traction
 from ..scene.scene import Scene
 from ..scene.supports import Supports
 from ..validation import checked_count
+from .mesh_error import estimate_frequency_error
 from .method import FrameProgress
 from .result import Modes, StaticResult
 
@@ -54,6 +58,8 @@ NOTICED = 1e-2
 WIDEST, MOST_BLOCKS = 8, 60
 # The shift of a body that can move freely: a share of the square of its slowest wave's frequency.
 SHIFT = 0.05
+# A share of a free motion below this is round-off of the others.
+FREE = 1e-5
 # Operations of a factorisation that takes a few seconds.
 QUICK = 5e10
 
@@ -221,9 +227,43 @@ def natural_modes(
     if not residual < TOLERANCE:
         raise ConvergenceError("modal.modes_residual", residual=residual, tolerance=TOLERANCE)
     shapes = np.ascontiguousarray(x.T).reshape(count, -1, 3)
-    loose = rigid if held.fixed.any() or held.springs.any() else 0
-    frequencies = np.sqrt(np.maximum(square, 0.0)) / (2 * np.pi)
-    return Modes(frequencies, shapes, residual, order, noticed, loose)
+    frequencies, holds = np.sqrt(np.maximum(square, 0.0)) / (2 * np.pi), bool(stopped.any())
+    free_names = _named(mesh, motions)
+    return Modes(frequencies, shapes, residual, order, noticed, free_names, holds)
+
+
+def _named(mesh: TetMesh, motions: np.ndarray) -> tuple[str, ...]:
+    """Names of free ``motions`` (points, 3, k): turns about axes, ways along them, then all else.
+
+    A turn may be about any axis of that direction. What pieces do against each other has no name.
+    """
+    used, count = np.unique(mesh.tets), motions.shape[2]
+    if not count:
+        return ()
+    size = float(np.ptp(mesh.bounds, axis=0).max())
+    whole = rigid_motions((mesh.points[used] - mesh.bounds.mean(axis=0)) / size)
+    whole = whole[:, :, [3, 4, 5, 0, 1, 2]].reshape(-1, 6)  # turns first: ways in them are left out
+    basis = np.linalg.qr(motions[used].reshape(-1, count))[0]
+    stopped = np.linalg.qr(whole - basis @ (basis.T @ whole), mode="r")
+    *_, size_of, right = np.linalg.svd(stopped)
+    rows, names = right[size_of < FREE * np.sqrt(len(whole))], []
+    for column in range(6):  # to echelon form: a row a motion, with as few parts as can be
+        here = len(names)
+        if here == len(rows) or not abs(rows[here:, column]).max() > FREE:
+            continue
+        pivot = here + int(abs(rows[here:, column]).argmax())
+        rows[[here, pivot]] = rows[[pivot, here]]
+        rows[here] /= rows[here, column]
+        others = np.arange(len(rows)) != here
+        rows[others] -= np.outer(rows[others, column], rows[here])
+        names.append(column)
+    words = []
+    for row, column in zip(rows, names, strict=True):
+        kind, part = ("about", row[:3]) if column < 3 else ("along", row[3:])
+        axes = [axis for axis, share in zip("xyz", part, strict=True) if abs(share) > FREE]
+        slanted = f"({', '.join(f'{x:.2g}' for x in part)})"
+        words.append(f"{kind} {axes[0] if len(axes) == 1 else slanted}")
+    return (*words, *[Note("modal.pieces")] * (count - len(words)))
 
 
 class ModalMethod:
@@ -248,7 +288,20 @@ class ModalMethod:
             raise UsageError("modal.small_vibrations", law=law)
         order = order or (2 if factor_fits(scene.mesh) else 1)
         options = {"supports": scene.held, "order": order, "device": device}
-        return natural_modes(scene.mesh, scene.modes, **options)
+        modes = natural_modes(scene.mesh, scene.modes, **options)
+        if order == 1:
+            return modes
+        grid, material = discretise(scene.mesh, 2), material_of(scene.mesh)
+        held = node_supports(scene.held, grid.space)
+        matrix = constrained_stiffness(grid, material, held)
+        raised = BlockMatrix(matrix.rows, matrix.columns, start_warp().clone(matrix.values))
+        square = float((2 * np.pi * modes.frequencies[0]) ** 2)
+        mass = lumped_mass(scene.mesh, grid.space)
+        add_diagonal(raised, SHIFT * square * mass[:, None] * ~held.fixed)
+        known = {"points": grid.space.nodes, "fixed": held.fixed, "edges": grid.space.edges}
+        stiffness = Inverse(matrix.times, rough_factor(raised, **known).near)
+        error = estimate_frequency_error(scene.mesh, grid.space, held, stiffness, modes)
+        return replace(modes, error=error)
 
 
 METHOD = ModalMethod()

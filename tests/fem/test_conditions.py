@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from autophyx_tet.fem import BoundaryConditions, ElementMaterial, Scene, TetMesh, box_mesh
 from autophyx_tet.fem.errors import InputError, UsageError
-from autophyx_tet.fem.scene.conditions import read_conditions, select
+from autophyx_tet.fem.scene.conditions import read_conditions
 from autophyx_tet.fem.scene.loads import resultant, spread_torque
+from autophyx_tet.fem.scene.selection import select
 from autophyx_tet.fem.solve.equilibrium import StaticMethod
 
 from .bodies import hammer

@@ -16,10 +16,8 @@ from .surface import equal_rows, face_edges
 from .triangles import Triangles, closest, edge_components
 
 Arrays = dict[str, np.ndarray]
-
-
-class TooLong(RuntimeError):
-    """What would take longer than the caller wants to wait; known before it is begun."""
+# Of curved faces: most distance from a chord, relative to its edge, and most turn along it [rad].
+CHORD, TURN = 0.01, 0.3
 
 
 # Triangles left alone by decimation from which fTetWild's own simplification pays: a non-manifold
@@ -40,21 +38,20 @@ def tetwild(
     epsilon_rel: float,
     stop_energy: float,
     decimate_rel: float,
-    most_triangles: int | None = None,
 ) -> Arrays:
     """Fill the box around ``points`` (n, 3), ``faces`` (m, 3) of about unit size with fTetWild.
 
     The surface is first decimated within ``decimate_rel``, then simplified by fTetWild unless it is
-    one clean piece. Returns ``points`` and positively oriented ``tets`` that conform to it. Raises
-    ``TooLong`` where more than ``most_triangles`` are left for fTetWild.
+    one clean piece. Returns ``points`` and positively oriented ``tets`` that conform to it.
     """
     _stage("decimating")
     given = Triangles(arrays["points"], arrays["faces"])
     surface, pieces, left_alone = decimated(given, decimate_rel)
-    if most_triangles is not None and len(surface.faces) > most_triangles:
-        raise TooLong(f"{len(surface.faces):,} triangles are more than a minute of fTetWild")
     # Half of this process's start, and needed for pictures only: pytetwild does without.
     sys.modules.setdefault("pyvista", ModuleType("pyvista"))
+    # Its passes are told line by line: the parent foresees by them how long it will take.
+    libc = ctypes.CDLL(None)
+    libc.setvbuf(ctypes.c_void_p.in_dll(libc, "stdout"), None, 1, 0)  # _IOLBF of stdio.h
     pytetwild: Any = importlib.import_module("pytetwild")  # its stubs want narrower arrays
 
     _stage("tetrahedralizing")
@@ -71,6 +68,7 @@ def tetwild(
         disable_filtering=True,
         num_threads=1,
         vtk_ordering=True,
+        quiet=False,
         **sizing,
     )
     return {"points": np.asarray(points, np.float64), "tets": np.asarray(tets, np.int32)}
@@ -228,6 +226,70 @@ def poisson(arrays: Arrays, *, depth: int, neighbours: int, trim: float) -> Arra
     }
 
 
+def assimp(arrays: Arrays, *, suffix: str) -> Arrays:
+    """Meshes of the scene in the bytes ``data``, where their nodes put them.
+
+    ``document`` is JSON: names, material, colour and whether there was a texture, of each mesh.
+    """
+    import json
+    import tempfile
+
+    library: Any = importlib.import_module("assimp_py")
+    flags = (
+        library.Process_Triangulate
+        | library.Process_SortByPType
+        | library.Process_GlobalScale
+        | library.Process_FindInvalidData
+    )
+    with tempfile.NamedTemporaryFile(suffix=suffix) as file:
+        file.write(arrays["data"].tobytes())
+        file.flush()
+        scene = library.import_file(file.name, flags)
+    out: Arrays = {}
+    document = []
+    waiting: list[tuple[Any, np.ndarray, list[str]]] = [(scene.root_node, np.eye(4), [])]
+    while waiting:
+        node, above, names = waiting.pop()
+        matrix = above @ np.array(node.transformation, dtype=np.float64)
+        names = [str(node.name), *names]
+        waiting += [(child, matrix, names) for child in reversed(node.children)]
+        for number in node.mesh_indices:
+            mesh = scene.meshes[number]
+            indices = np.asarray(mesh.indices, np.int64)
+            if mesh.num_faces == 0 or len(indices) != 3 * mesh.num_faces:
+                continue  # lines and points
+            points = np.asarray(mesh.vertices, np.float64).reshape(-1, 3)
+            faces = indices.reshape(-1, 3)
+            turned = np.linalg.det(matrix[:3, :3]) < 0
+            out[f"points{len(document)}"] = points @ matrix[:3, :3].T + matrix[:3, 3]
+            out[f"faces{len(document)}"] = faces[:, ::-1] if turned else faces
+            material = scene.materials[mesh.material_index] if scene.materials else {}
+            colour = material.get("COLOR_DIFFUSE") or [0.8, 0.8, 0.8, 1.0]
+            document.append(
+                {
+                    "names": [names[0], str(mesh.name), *names[1:]],
+                    "material": str(material.get("NAME") or "") or None,
+                    "colour": [float(x) for x in colour],
+                    "textured": bool(material.get("TEXTURES")),
+                }
+            )
+    return out | {"document": np.frombuffer(json.dumps(document).encode(), np.uint8)}
+
+
+def cad(arrays: Arrays, *, kind: str) -> Arrays:
+    """The solids of a STEP or IGES file ``data`` as ``glb``, by OpenCASCADE."""
+    cascadio: Any = importlib.import_module("cascadio")
+    glb = cascadio.to_glb_bytes(
+        arrays["data"].tobytes(),
+        cascadio.FileType.STEP if kind == "STEP" else cascadio.FileType.IGES,
+        tol_linear=CHORD,
+        tol_relative=True,
+        tol_angular=TURN,
+        use_parallel=False,
+    )
+    return {"glb": np.frombuffer(glb, np.uint8)}
+
+
 def import_open3d() -> Any:
     """Import open3d, with the libusb that it links against but does not bring."""
     libusb = importlib.import_module("libusb_package")
@@ -239,4 +301,6 @@ TASKS: dict[str, Callable[..., Arrays]] = {
     "tetwild": tetwild,
     "alpha_wrap": alpha_wrap,
     "poisson": poisson,
+    "assimp": assimp,
+    "cad": cad,
 }

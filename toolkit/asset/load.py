@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from ...converters.points.views import Pruning
 from ...fem.errors import InputError, NoVolumeError, UsageError
 from ...fem.mesh import USUAL_SIZE
 from ...predictors.asset import Asset, Part, UpAxis
@@ -29,6 +30,16 @@ MAX_FILE_BYTES = 2 * 2**30  # more than this is not an asset but a scan archive
 MAX_TRIANGLES = 20_000_000  # about 2 GB of arrays on the way: the limit of a 24 GB machine
 MAX_PARTS = 256  # beyond it parts are merged by material: nobody names 300 materials in a sentence
 COORDINATE_LIMIT = 1e12  # squares and volumes of larger numbers leave float64
+# Formats that are not read, and what to do.
+UNREAD = {
+    **dict.fromkeys((".blend", ".max", ".ma", ".mb", ".c4d", ".skp"), "export it as glTF"),
+    **dict.fromkeys((".usd", ".usda", ".usdc", ".usdz", ".abc"), "export it as glTF"),
+    **dict.fromkeys((".ifc", ".dxf", ".dwg", ".3dm", ".rvt"), "export its solids as STEP or glTF"),
+    **dict.fromkeys((".sldprt", ".sldasm", ".ipt", ".f3d", ".prt", ".brep"), "export it as STEP"),
+    **dict.fromkeys((".wrl", ".vrml", ".amf", ".ctm"), "export it as glTF or 3MF"),
+    **dict.fromkeys((".zip", ".rar", ".7z", ".gz"), "unpack it first"),
+}
+MOST_NOTE = 4 << 20  # bytes: a web page or a pointer is smaller
 # Names that exporters and loaders make up for things that have none.
 MADE_UP_NAME = re.compile(r"(geometry|node|mesh|gltf|default|world|none|\W|_|\d)*", re.IGNORECASE)
 
@@ -39,6 +50,8 @@ def load_asset(
     size: float | None = None,
     units: Unit | None = None,
     up: UpAxis | None = None,
+    opacity: float | None = None,
+    crop: str | None = None,
 ) -> Asset:
     """Load a surface or a point cloud; every named node, group or material becomes a part [m].
 
@@ -52,7 +65,11 @@ def load_asset(
         Unit of the file's numbers. Without ``size`` and ``units`` glTF is metres, others are taken
         as metres with a warning.
     up
-        Axis that points up: by default y for glTF and OBJ, z with a warning for others.
+        Axis that points up: by default y for glTF and OBJ, -y with a warning for splats, z for
+        others.
+    opacity, crop
+        Least opacity [1] of splats that are matter, and the box "x,y,z,x,y,z" in the file's units
+        that they lie in.
 
     Returns
     -------
@@ -79,7 +96,7 @@ def load_asset(
     _check_scale(size, units)
     _check_path(path)
     data = path.read_bytes()
-    references = References(path.parent)
+    references = References(path.parent, pruning=_pruning(opacity, crop))
     content = read_content(path, data, references)
     if not content.surfaces and content.cloud is not None:
         content = reconstructed(path, content)
@@ -141,7 +158,8 @@ def scaled(
     _check_scale(size, units)
     warnings = list(asset.warnings)
     if up is None and not stated.up:
-        warnings.append(f"the file does not say which axis is up: taken as +{asset.up.upper()}")
+        axis = asset.up.upper() if "-" in asset.up else f"+{asset.up.upper()}"
+        warnings.append(f"the file does not say which axis is up: taken as {axis}; --up sets it")
     longest = float(asset.size.max())
     if size is not None:
         factor = size / longest
@@ -171,6 +189,18 @@ def scaled(
     return replace(asset, metres_per_unit=float(factor), warnings=tuple(warnings))
 
 
+def _pruning(opacity: float | None, crop: str | None) -> Pruning:
+    if opacity is not None and not 0 <= opacity < 1:
+        raise UsageError("load.opacity", opacity=opacity)
+    try:
+        box = None if crop is None else np.array(crop.split(","), np.float64).reshape(2, 3)
+    except ValueError:
+        box = np.full((2, 3), np.nan)
+    if box is not None and not (box[0] < box[1]).all():
+        raise UsageError("load.crop", crop=crop)
+    return Pruning(crop=box) if opacity is None else Pruning(opacity, box)
+
+
 def _check_scale(size: float | None, units: Unit | None) -> None:
     if size is not None and units is not None:
         raise UsageError(f"got both --size {size:g} and --units {units}: give one of them")
@@ -195,6 +225,14 @@ def _check_path(path: Path) -> None:
             f"{path}: is a folder, wanted one file of {', '.join(ASSET_FORMATS)}; "
             "`autophyx-tet batch` takes a folder of them"
         )
+    if path.stat().st_size < MOST_NOTE:
+        head = path.read_bytes()[:400].lstrip().lower()
+        if head.startswith(b"version https://git-lfs"):
+            raise InputError("load.pointer", path=path)
+        if head.startswith((b"<!doctype html", b"<html")):
+            raise InputError("load.web_page", path=path)
+    if suffix in UNREAD:
+        raise InputError("load.unread", path=path, suffix=suffix, way=UNREAD[suffix])
     if suffix not in ASSET_FORMATS:
         raise InputError(
             f"{path}: unknown suffix {suffix!r}, wanted one of {', '.join(ASSET_FORMATS)}"

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...converters.mesh.meshdata import read_mesh
+from ...converters.mesh.meshdata import read_data
 from ...fem.mesh import TetMesh, boundary_faces
 from ...predictors.asset import Asset, Part, UpAxis
 from ..asset.load import Unit, scaled
@@ -41,7 +41,8 @@ def import_tets(
     Raises InputError: Where the file cannot be read, holds no tet, or a tet is flat.
     """
     path = Path(path)
-    given = read_mesh(path)
+    data = read_data(path)
+    given = data.mesh
     # The closed surface of every region, in the units of the file
     import trimesh
 
@@ -54,7 +55,9 @@ def import_tets(
             parts.append(Part(name, surface, (name,)))
     digest = hashlib.sha256(path.read_bytes()).hexdigest()
     asset = scaled(
-        Asset(path.stem, tuple(parts), source=str(path), source_hash=digest),
+        Asset(
+            path.stem, tuple(parts), source=str(path), source_hash=digest, warnings=data.warnings
+        ),
         size=size,
         units=units,
         up=up,

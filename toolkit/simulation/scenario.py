@@ -9,7 +9,7 @@ from dataclasses import fields, replace
 from difflib import get_close_matches
 from math import isnan
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
 
@@ -100,6 +100,8 @@ def run_scenario(
         known = {"scenario": options.scenario, "laws": ", ".join(method.laws), "law": options.law}
         raise UsageError("scenario.laws", **known)
     scene = scene_of_options(mesh, options, up=up, materials=rows)
+    if options.refine is not None:
+        scene = _refined(scene, options, kind)
     result = method.solve(
         scene,
         law=options.law,
@@ -118,6 +120,27 @@ def run_scenario(
         if scenario.with_modes:
             answer = replace(answer, **standing_modes(scene, result, options.device))
     return replace(answer, seconds=time.perf_counter() - started)
+
+
+def _refined(scene: Scene, options: SimulateOptions, kind: str) -> Scene:
+    """The scene on a mesh that is fine enough, or a warning of why it is not."""
+    from ...fem.solve.refinement import refine_scene
+
+    percent = cast("float", options.refine)
+    if kind != "statics" or options.order == 1:
+        raise UsageError("scenario.refine_rest")
+    if not 0.01 <= percent <= 100:
+        raise UsageError("scenario.refine_percent", percent=percent)
+    refined = refine_scene(scene, percent / 100, device=options.device)
+    before, after = len(scene.mesh.tets), len(refined.scene.mesh.tets)
+    values: Any = {"before": before, "after": after, "error": refined.error, "goal": percent / 100}
+    if refined.why:
+        note = Note("scenario.refined_short", why=refined.why, **values)
+    elif not refined.error <= percent / 100:
+        note = Note("scenario.refined_unknown", goal=percent / 100)
+    else:
+        note = Note("scenario.refined", **values)
+    return replace(refined.scene, warnings=(*scene.warnings, note))
 
 
 def standing_modes(scene: Scene, result: SagResult, device: str) -> dict[str, Any]:

@@ -7,17 +7,19 @@ from collections.abc import Sequence
 import numpy as np
 
 from ...fem.laws.law import LAWS
-from ...fem.mesh import USUAL_SIZE, TetMesh, edge_fraction, largest_explicit_step, material_of
+from ...fem.mesh import USUAL_SIZE, TetMesh, edge_fraction, largest_explicit_step
 from ...fem.note import Note
+from ...fem.reactions import standing_pieces
 from ...fem.safety import Safety
 from ...fem.scene.scene import Scene
-from ...fem.scene.up import up_vector
 from ...fem.solve.contact import support_polygon
 from ...fem.solve.result import (
     BENDS_ALIKE,
     CUBIC,
     LOCKING,
     MOTION_LIMIT,
+    SAFETY,
+    DiscretisationError,
     LoadFactor,
     Modes,
     MotionResult,
@@ -53,6 +55,9 @@ VISIBLE = 0.005
 USUAL_DENSITY = ((0.3, 10.0, 23_000.0), (1.0, 10.0, 3_000.0), (np.inf, 10.0, 1_000.0))
 # Bulky: no side of the box is below this fraction of the longest.
 BULKY = 0.1
+# Where stress has no bound it grows by a third as edges are halved: thrice by an eighth of them. A
+# place reaches this much further than its points.
+UNBOUNDED, REACH = 3.0, 1.05
 # A part gives way below this safety factor; factors above the other are told as more than it.
 SAFE, SAFE_TOLD = 1.0, 1000.0
 
@@ -105,29 +110,28 @@ def discretisation(result: SagResult) -> Check:
     return Check("discretisation", _passed(passed), said, about, TRUSTED)
 
 
-def buckling(factor: LoadFactor | None, why: str = "") -> Check:
-    """Whether the body takes its load without buckling; without a factor ``why`` is told."""
+def buckling(factor: LoadFactor | None, why: str = "", *, ends: Interval | None = None) -> Check:
+    """Whether the body takes its load without buckling; without a factor ``why`` is told.
+
+    ``ends`` are the factors of its softest and its stiffest materials: the softest decides.
+    """
     if factor is None:
         said = Note("checks.buckling_unmade", why=why)
         return Check("buckling", "not made", said, np.nan, STANDS, why=why)
-    passed = factor.value >= STANDS
-    told = {"times": times(factor.value), "limit": STANDS}
+    least = factor.value if ends is None else min(ends.low, factor.value)
+    passed, told = least >= STANDS, {"times": times(least), "limit": STANDS}
     said = Note("checks.stands" if passed else "checks.buckles", **told)
-    return Check("buckling", _passed(passed), said, factor.value, STANDS)
+    if least < factor.value:
+        said += Note("checks.at_softest", middle=times(factor.value))
+    return Check("buckling", _passed(passed), said, least, STANDS)
 
 
 def stays_upright(result: SagResult, scene: Scene) -> tuple[Check, ...]:
     """Whether the body would stand if its base were not held; nothing where it need not."""
     if scene.ground is None or scene.holds or not result.trusted or result.assumed:
         return ()
-    mesh, held = result.static.mesh, result.static.reaction
-    force, moment = -held.sum(axis=0), -np.cross(result.static.space.nodes, held).sum(axis=0)
-    if not np.any(scene.gravity_vector):
-        mass = mesh.volumes * material_of(mesh).rho
-        middle = mass @ mesh.points[mesh.tets].mean(axis=1) / mass.sum()
-        weight = -GRAVITY * mass.sum() * up_vector(scene.up)
-        force, moment = force + weight, moment + np.cross(middle, weight)
-    inside, friction = support_polygon(mesh.points[result.supported], force, moment, scene.up)
+    pieces = standing_pieces(scene, result.static, GRAVITY)
+    inside, friction = min(support_polygon(*piece, scene.up) for piece in pieces)
     passed = bool(inside >= 0)
     slides = Note("checks.slides", friction=friction) if friction > SLIDES else ""
     said = Note("checks.upright" if passed else "checks.tips", away=abs(inside), slides=slides)
@@ -145,11 +149,14 @@ def first_frequency(modes: Modes | None, why: str = "") -> Check:
     under, outcome = Note("checks.under_load") if modes.loaded else "", _passed(value >= WOBBLES)
     told = {"value": value, "limit": WOBBLES, "under": under}
     said = Note("checks.is_stiff" if value >= WOBBLES else "checks.wobbles", **told)
-    if modes.free:
-        outcome, said = "failed", Note("checks.moves_freely", ways=modes.free, **told)
+    if modes.free and modes.held:
+        ways = ", ".join(modes.free)
+        outcome, said = "failed", Note("checks.moves_freely", ways=ways, **told)
     elif modes.order == 1 and value >= WOBBLES:
         outcome, said = "doubtful", Note("checks.stiff_by_linear", **told)
-    return Check("first frequency", outcome, said, value, WOBBLES, "Hz")
+    elif value >= WOBBLES > (1 - SAFETY * modes.error) * value:
+        outcome, why = "doubtful", Note("checks.frequency_error", off=percent(modes.error))
+    return Check("first frequency", outcome, said, value, WOBBLES, "Hz", why=why)
 
 
 def explicit_step(mesh: TetMesh) -> Check:
@@ -216,23 +223,35 @@ def usual_mass(mesh: TetMesh) -> Check:
     return Check("mass", "failed", said, density, limit, "kg/m^3")
 
 
-def strength(safety: Safety) -> Check:
-    """Whether a part stands its stress."""
+def strength(safety: Safety, error: DiscretisationError | None = None) -> Check:
+    """Whether a part stands its stress, in doubt where the ``error`` of the mesh may be its own."""
     factor, place = safety.factor, ", ".join(f"{x:.3g}" for x in safety.place)
     passed, (does, limit) = factor >= SAFE, gives_way(safety)
     told = {"of": limit, "does": does, "times": times(factor), "past": 1 / factor, "at": place}
     said = Note("checks.strong" if passed else "checks.weak", **safety._asdict(), **told)
     where = {"part": safety.part, "place": safety.place}
-    return Check("strength", _passed(passed), said, factor, SAFE, **where)
+    outcome, why = _passed(passed), ""
+    if passed and error is not None and safety.place is not None:
+        from_centre = lambda p: float(np.linalg.norm(np.subtract(safety.place, p.centre)))  # noqa: E731
+        here = next((p for p in error.places if from_centre(p) <= REACH * p.radius), None)
+        if here is not None and factor < UNBOUNDED:
+            told = {"kind": here.kind, "share": percent(here.share)}
+            outcome, why = "doubtful", Note("checks.singular_stress", **told)
+        elif factor < 1 + 2 * error.stress:  # twice the rms covers the largest of 97 in 100
+            outcome, why = "doubtful", Note("checks.stress_error", off=percent(error.stress))
+    return Check("strength", outcome, said, factor, SAFE, **where, why=why)
 
 
 def gives_way(safety: Safety) -> tuple[str, str]:
     """What a part does past its limit, and what the limit is called, by what is judged there."""
     if safety.side == "equivalent":
         return Note("checks.yields"), Note("checks.yield_strength")
+    if safety.side == "shear":
+        return Note("checks.splits"), Note("checks.shear_strength")
+    across = Note("checks.across_grain") if safety.direction == "across" else ""
     if safety.side == "tension":
-        return Note("checks.cracks"), Note("checks.tensile_strength")
-    return Note("checks.is_crushed"), Note("checks.compressive_strength")
+        return Note("checks.cracks"), Note("checks.tensile_strength") + across
+    return Note("checks.is_crushed"), Note("checks.compressive_strength") + across
 
 
 def span_of_answers(
@@ -250,12 +269,17 @@ def span_of_answers(
     return Check("range", "passed", Note("checks.range", **said), answer.high / answer.low)
 
 
-def static_checks(result: SagResult, *, size_stated: bool = False) -> tuple[Check, ...]:
-    """Checks that a static result allows, and whether the user stated the size of its body."""
+def static_checks(
+    result: SagResult, *, size_stated: bool = False, load_factors: Interval | None = None
+) -> tuple[Check, ...]:
+    """Checks that a static result allows, and whether the user stated the size of its body.
+
+    ``load_factors`` of buckling are those of its softest and its stiffest materials.
+    """
     mesh = result.static.mesh
     checks = (
         holds_shape(result),
-        buckling(result.load_factor, result.load_factor_unmade),
+        buckling(result.load_factor, result.load_factor_unmade, ends=load_factors),
         discretisation(result),
         locking(result.static),
         explicit_step(mesh),
@@ -325,9 +349,21 @@ def follows(motion: MotionResult) -> tuple[Check, ...]:
 
 
 def contact_forces(motion: MotionResult, names: Sequence[str]) -> Check:
-    """Who presses whom, at most; ``names`` are those of the pieces."""
+    """Who presses whom, at most; ``names`` are those of the pieces.
+
+    It is not made where an impact was not resolved, and in doubt where that is not known.
+    """
     forces = np.linalg.norm(motion.obstacle_forces, axis=2).max(axis=0, initial=0.0)
-    pressures = motion.largest_pressures
+    impact, pressures = motion.impact, motion.largest_pressures
+    if impact is not None and forces.any():
+        forces = np.maximum(forces, impact.forces)
+        if kind := impact.unresolved:
+            why = {
+                "time": Note("checks.unresolved_time", lost=impact.lost),
+                "surface": Note("checks.unresolved_surface", barrier=impact.barrier),
+                "force": Note("checks.unresolved_force"),
+            }[kind]
+            return Check("contact", "not made", Note("checks.press_unknown", why=why), why=why)
     pressed: list[str] = []
     for k, force in enumerate(forces):
         if force > 0:
@@ -344,7 +380,27 @@ def contact_forces(motion: MotionResult, names: Sequence[str]) -> Check:
         pressed.append(Note("checks.by_itself", pressure=pressures.own))
     largest = max([*forces.tolist(), *between.values()], default=0.0)
     said = Note("checks.pressed" if pressed else "checks.not_pressed", by="; ".join(pressed))
-    return Check("contact", "passed", said, largest, unit="N")
+    doubt = Note("checks.impact_unknown") if forces.any() and impact is None else ""
+    outcome: Outcome = "doubtful" if doubt else "passed"
+    return Check("contact", outcome, f"{said} {doubt}".strip(), largest, unit="N", why=doubt)
+
+
+def breakage(run: ParticleRun, *, wanted: bool) -> tuple[Check, ...]:
+    """What tore, where anything can; ``wanted``: else say that this was not followed."""
+    torn = run.breakage
+    if not torn.judged:
+        return (Check("breakage", "not made", Note("checks.cannot_tear")),) if wanted else ()
+    told = {"parts": ", ".join(torn.parts), "pieces": torn.pieces, "before": torn.pieces_before}
+    told |= {"fraction": percent(torn.fraction), "judged": percent(torn.judged)}
+    place = tuple(torn.place) if torn.fraction else None
+    told["place"] = ", ".join(f"{x:.3g}" for x in place or ())
+    said = Note("checks.torn" if place else "checks.whole", **told)
+    outcome: Outcome = "failed" if place else "passed"
+    doubt = ""
+    if place is None and torn.crack_energy > 1.1:
+        outcome, doubt = "doubtful", Note("checks.costly_cracks", times=torn.crack_energy)
+    said = f"{said} {doubt}".strip()
+    return (Check("breakage", outcome, said, torn.fraction, 0.0, place=place, why=doubt),)
 
 
 def in_the_grid(run: ParticleRun) -> Check:

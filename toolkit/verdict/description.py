@@ -73,6 +73,7 @@ def describe(scene: Scene) -> tuple[Acting, ...]:
         name = f"on {load.name}" if load.name else "on the surface"
         sizes = np.linalg.norm(np.broadcast_to(load.value, (len(load.faces), 3)), axis=1)
         sum_of_sizes = float(sizes @ face_areas(mesh.points, load.faces))
+        sizes = sizes if load.shares is None else sizes / load.shares
         if np.linalg.norm(total.force) > BALANCED * sum_of_sizes:
             words = f"{vector_words(total.force, 'N')} {name}, {area}"
         elif np.ptp(sizes) <= ALONG * sizes.max():

@@ -14,7 +14,10 @@ from jaxtyping import Float
 
 from ...fem.laws.law import LAWS
 from ...fem.mesh import TetMesh, piece_names
+from ...fem.note import Note
+from ...fem.reactions import reactions
 from ...fem.safety import PartStresses, Safety, part_safety, part_stresses
+from ...fem.scene.loads import resultant
 from ...fem.scene.scene import Scene
 from ...fem.solve.method import SCENARIOS
 from ...fem.solve.result import Modes, MotionResult, ParticleRun, SagResult
@@ -207,6 +210,11 @@ class StaticSimulation(Simulation):
             "safety": [{**s._asdict(), "factor": s.factor} for s in self.safety],
             "intervals": self.intervals,
             "reaction": static.reaction.sum(axis=0),
+            "reactions": [one._asdict() for one in reactions(self.scene, static)],
+            "loads": [
+                {"place": load.name, **resultant(self.mesh, load, self.scene.held)._asdict()}
+                for load in self.scene.tractions
+            ],
             "frequencies": self.frequencies,
             "order": static.order,
             "law": static.law,
@@ -271,15 +279,18 @@ class StaticSimulation(Simulation):
         """Shape, buckling, mesh, explicit step, size, standing, strength, frequency, range."""
         from .checks import first_frequency, span_of_answers, static_checks, stays_upright, strength
 
+        known = self.intervals or {}
+        softest = known.get("load_factor")
         checks = [
-            *static_checks(self.solved, size_stated=self.size_stated),
+            *static_checks(self.solved, size_stated=self.size_stated, load_factors=softest),
             *stays_upright(self.solved, self.scene),
-            *map(strength, self.safety),
+            *(strength(one, self.solved.discretisation_error) for one in self.safety),
         ]
         if self.modes is not None or self.modes_unmade:
             checks.append(first_frequency(self.modes, self.modes_unmade))
-        if self.intervals is not None:
-            checks.append(span_of_answers(*self.intervals.values()))
+        if known:
+            names = ("mass", "max_displacement", "frequencies", "likely")
+            checks.append(span_of_answers(*(known[name] for name in names)))
         return checks
 
 
@@ -310,13 +321,17 @@ class MotionSimulation(Simulation):
         # Forces of the obstacles, frame by frame, and of the pieces on each other
         pushes = np.linalg.norm(motion.obstacle_forces, axis=2)
         forces, pressures = pushes.max(axis=0), motion.largest_pressures
+        impact = motion.impact
+        unknown = impact is not None and bool(pushes.any() and impact.unresolved)
+        if impact is not None:
+            forces = np.maximum(forces, impact.forces)
         found: dict[str, Any] = {
             "frames": len(motion.frames),
             "dt": motion.dt,
             "max_displacement": float(np.linalg.norm(motion.displacements, axis=2).max()),
             "smallest_gap": motion.smallest_gap,
-            "max_contact_force": float(forces.max(initial=0.0)),
-            "max_obstacle_forces": forces.tolist(),
+            "max_contact_force": None if unknown else float(forces.max(initial=0.0)),
+            "max_obstacle_forces": None if unknown else forces.tolist(),
             "obstacle_forces": pushes.tolist(),
         }
         if pressures is not None:
@@ -340,12 +355,14 @@ class MotionSimulation(Simulation):
             "newton_iterations": sum(f.iterations for f in motion.frames),
             "model_error": motion.model_error,
             "stiffening": motion.stiffening,
+            "impact": impact and {**impact._asdict(), "unresolved": impact.unresolved},
         }
         if run is not None:
             known = ("substeps", "outside", "stationary", "rigid", "bodies", "capped")
             known += ("lagrangian", "spacing", "nodes", "plan")
             particles = {name: getattr(run, name) for name in known}
             found["particles"] = {"count": len(run.part), **particles}
+            found["breakage"] = run.breakage._asdict()
         return found
 
     @cached_property
@@ -381,6 +398,7 @@ class MotionSimulation(Simulation):
     def checks(self) -> Sequence[Check]:
         """Nothing goes through an obstacle or gains energy; who presses whom; fit elements."""
         from .checks import (
+            breakage,
             contact_forces,
             follows,
             in_the_grid,
@@ -391,7 +409,9 @@ class MotionSimulation(Simulation):
 
         energy = keeps_energy(self.motion, self.scene)
         if self.motion.particles is not None:
-            return [in_the_grid(self.motion.particles), *energy]
+            run, wanted = self.motion.particles, self.scenario in ("tear", "fall")
+            met = [contact_forces(self.motion, ())] if self.motion.obstacle_forces.any() else []
+            return [in_the_grid(run), *met, *energy, *breakage(run, wanted=wanted)]
         met = (no_penetration(self.motion), contact_forces(self.motion, self._piece_names))
         suits = [locking(self.motion)] if self.motion.order else []
         return [*met, *energy, *suits, *follows(self.motion)]
@@ -427,7 +447,14 @@ class ModalSimulation(Simulation):
     def numbers(self) -> dict[str, Any]:
         """Frequencies [Hz] and the residual of the eigensolver."""
         known = {"frequencies": self.frequencies, "residual": self.modes.residual}
-        return {**known, "intervals": self.intervals}
+        return {**known, "free": self.modes.free, "intervals": self.intervals}
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What was assumed, and what moves freely."""
+        names = ", ".join(dict.fromkeys(self.modes.free))
+        free = (Note("checks.free_motions", names=names),) if names else ()
+        return (*self.scene.warnings, *free)
 
     @cached_property
     def intervals(self) -> dict[str, Any] | None:

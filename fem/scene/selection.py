@@ -1,0 +1,222 @@
+"""Places of a mesh in words: their points, and how much of every face of the surface is in them."""
+
+from __future__ import annotations
+
+import difflib
+import re
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from ..errors import UsageError
+from ..mesh import TetMesh, cross, face_areas, face_normals, outer_faces
+from ..note import Note
+
+AXES = "xyz"
+# Places reach this fraction of the diagonal further: `plane:z<0` means the face at z = 0 too, and
+# coordinates written as text lose their last digits.
+TOUCH = 1e-6
+# A smaller share of a face is round-off of a place that ends at its edge.
+SLIVER = 1e-9
+
+
+class Selection(NamedTuple):
+    """A place of a mesh.
+
+    ``words`` are those of the user, ``axes`` the directions that a support there holds, a subset of
+    (0, 1, 2); ``points`` are the ids of the mesh points in it, ``faces`` (faces, 3) those of the
+    surface that lie in it, ``shares`` (faces,) [1] how much of each: none of what only touches it.
+    """
+
+    words: str
+    axes: tuple[int, ...]
+    points: Int[np.ndarray, "points"]
+    faces: Int[np.ndarray, "faces 3"]
+    shares: Float[np.ndarray, "faces"]
+
+
+def select(mesh: TetMesh, words: str, *, surface: bool = False) -> Selection:
+    """Find the place that ``words`` mean; positions are in metres.
+
+    Its faces are those of the outer surface; after ``inside:`` those of cavities, and its points
+    the points of these. Where ``surface`` is wanted it may lie within a face, without any point.
+
+    Raises UsageError: Where the words are not understood or nothing of the mesh lies there: it
+        names the nearest part and the box of the mesh.
+    """
+    # Directions stand after the last colon; a part may be called 'lid:x'
+    place, axes = words.removeprefix("inside:"), (0, 1, 2)
+    before, _, last = place.rpartition(":")
+    is_part = place.startswith("part:") and place[len("part:") :] in mesh.region_names
+    if not is_part and last and re.fullmatch("x?y?z?", last) and (":" in before or before == "all"):
+        place, axes = before, tuple(AXES.index(axis) for axis in last)
+    boundary, outer = mesh.boundary, outer_faces(mesh)
+    mine = ~outer if words.startswith("inside:") else outer
+    if not mine.any():
+        raise UsageError("selection.no_cavity", words=words)
+    faces, owner = boundary.faces[mine], boundary.tet[mine]
+    used = np.unique(mesh.tets if mine is outer else faces)
+    kind, _, rest = place.partition(":")
+    if kind == "part":
+        inside = mesh.region == _part(mesh, words, rest)
+        faces = faces[inside[owner]]
+        ids = np.intersect1d(used, mesh.tets[inside])
+        return Selection(words, axes, ids, faces, np.ones(len(faces)))
+    # Half-spaces (normal, level), or a ball
+    planes: list[tuple[np.ndarray, float]] = []
+    ball: tuple[np.ndarray, float] | None = None
+    if kind == "box":
+        corners = numbers(rest, 6, words).reshape(2, 3)
+        upper, lower = corners.max(axis=0), -corners.min(axis=0)
+        planes = [*zip(np.eye(3), upper, strict=True), *zip(-np.eye(3), lower, strict=True)]
+    elif kind == "plane":
+        axis, sign, level = half_space(rest, words)
+        planes = [(sign * np.eye(3)[axis], sign * level)]
+    elif kind == "near":
+        *centre, radius = numbers(rest, 4, words)
+        if not radius > 0:
+            raise UsageError("selection.radius_wanted", words=words, radius=radius)
+        ball = np.array(centre), radius
+    elif kind != "all":
+        forms = Note("selection.part_name")
+        raise UsageError("selection.place_called", words=words, kind=kind, forms=forms)
+    elif rest:
+        raise UsageError("selection.wanted_all", words=words)
+    x, touch = mesh.points, TOUCH * float(np.linalg.norm(np.ptp(mesh.bounds, axis=0)))
+    away = np.zeros(len(x))
+    for normal, level in planes:
+        away = np.hypot(away, np.maximum(x @ normal - level, 0.0))
+    if ball is not None:
+        away = np.maximum(np.linalg.norm(x - ball[0], axis=1) - ball[1], 0.0)
+    ids = used[away[used] <= touch]
+    # A place is convex: a face whose corners are in it is in it as a whole, others are cut
+    shares = np.isin(faces, ids).all(axis=1).astype(float)
+    if surface and ((planes or ball) and (cut := np.flatnonzero(shares == 0)).size):
+        corners = x[faces[cut]]
+        area = _in_planes(corners, planes, touch) if ball is None else _in_ball(corners, *ball)
+        shares[cut] = area / face_areas(x, faces[cut])
+    some = shares > SLIVER
+    if not (ids.size or (surface and some.any())):
+        nearest = used[np.argmin(away[used])]
+        place = ", ".join(f"{x:.4g}" for x in mesh.points[nearest])
+        raise UsageError(
+            "selection.point_mesh",
+            words=words,
+            place=place,
+            region_names=mesh.region_names[mesh.region[(mesh.tets == nearest).any(axis=1)][0]],
+            away=away[nearest],
+            around=_around(mesh),
+        )
+    if surface and not some.any():  # a line or a point: the faces that touch it, none of them in it
+        some = np.isin(faces, ids).any(axis=1)
+    return Selection(words, axes, ids, faces[some], shares[some])
+
+
+def _in_planes(
+    corners: Float[np.ndarray, "n 3 3"], planes: list[tuple[np.ndarray, float]], touch: float
+) -> Float[np.ndarray, "n"]:
+    """Area [m^2] of triangles in the half-spaces, cut by one after the other."""
+    pieces, owner = corners, np.arange(len(corners))
+    for normal, level in planes:
+        beyond = pieces @ normal - level
+        beyond[np.abs(beyond) <= touch] = 0.0
+        count = (beyond > 0).sum(axis=1)
+        kept = [(pieces[count == 0], owner[count == 0])]
+        for outside in (1, 2):
+            rows = np.flatnonzero(count == outside)
+            # The corner that is alone on its side first, and where its edges meet the plane
+            lone = np.argmax((beyond[rows] > 0) == (outside == 1), axis=1)
+            order = (lone[:, None] + np.arange(3)) % 3
+            (a, b, c), height = (
+                np.moveaxis(pieces[rows[:, None], order], 1, 0),
+                beyond[rows[:, None], order].T[..., None],
+            )
+            ab = a + height[0] / (height[0] - height[1]) * (b - a)
+            ac = a + height[0] / (height[0] - height[2]) * (c - a)
+            for made in ((ab, b, c), (ab, c, ac)) if outside == 1 else ((a, ab, ac),):
+                kept.append((np.stack(made, axis=1), owner[rows]))
+        pieces, owner = (np.concatenate(group) for group in zip(*kept, strict=True))
+    areas = face_areas(pieces.reshape(-1, 3), np.arange(3 * len(pieces)).reshape(-1, 3))
+    return np.bincount(owner, areas, len(corners))
+
+
+def _in_ball(
+    corners: Float[np.ndarray, "n 3 3"], centre: np.ndarray, radius: float
+) -> Float[np.ndarray, "n"]:
+    """Area [m^2] of triangles in a ball: each edge makes one with the middle of the disc.
+
+    The ball cuts the plane of a triangle in a disc; of the triangle of an edge and the middle of
+    the disc, what is beyond it is a sector's.
+    """
+    ids = np.arange(3 * len(corners)).reshape(-1, 3)
+    normal = face_normals(corners.reshape(-1, 3), ids)
+    from_centre = corners - centre
+    height = np.einsum("nki,ni->nk", from_centre, normal).mean(axis=1)
+    square = np.maximum(radius**2 - height**2, 0.0)[:, None]
+    a = from_centre - height[:, None, None] * normal[:, None]
+    edge = np.roll(a, -1, axis=1) - a
+
+    def dot(u: np.ndarray, v: np.ndarray) -> np.ndarray:
+        return np.einsum("nki,nki->nk", u, v)
+
+    def turn(u: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """Twice the signed area of the triangle of two vectors."""
+        rows = (np.moveaxis(w, -1, 0) for w in (u, v))
+        return np.einsum("ink,ni->nk", np.stack(cross(*rows)), normal)
+
+    # Where the line of the edge is in the disc, as shares of the edge; none: at its start
+    length, along = dot(edge, edge), dot(a, edge)
+    inside = along**2 - length * (dot(a, a) - square)
+    reach = np.sqrt(np.maximum(inside, 0.0))
+    start, end = (np.clip((sign * reach - along) / length, 0.0, 1.0) for sign in (-1, 1))
+    start, end = np.where(inside > 0, start, 0.0), np.where(inside > 0, end, 0.0)
+    u, v, b = (a + share[..., None] * edge for share in (start, end, np.ones_like(start)))
+    sectors = sum(np.arctan2(turn(p, q), dot(p, q)) for p, q in ((a, u), (v, b)))
+    return np.abs((square * sectors + turn(u, v)).sum(axis=1)) / 2
+
+
+def _part(mesh: TetMesh, words: str, name: str) -> int:
+    """Region of the part that is called ``name``, whatever its case."""
+    folded = {known.casefold(): known for known in mesh.region_names}
+    part = name if name in mesh.region_names else folded.get(name.casefold())
+    if part is None:
+        near = difflib.get_close_matches(name.casefold(), folded, n=1, cutoff=0.5)
+        hint = Note("selection.you_mean", region_names=folded[near[0]]) if near else ""
+        raise UsageError("selection.such_part", words=words, hint=hint, around=_around(mesh))
+    region = mesh.region_names.index(part)
+    if not (mesh.region == region).any():
+        raise UsageError("selection.part_tets", words=words, around=_around(mesh))
+    return region
+
+
+def numbers(text: str, count: int, words: str) -> np.ndarray:
+    """``count`` finite numbers with commas between them; ``UsageError`` naming ``words`` else."""
+    try:
+        values = np.array([float(part) for part in text.split(",")])
+    except ValueError:
+        values = np.zeros(0)
+    if values.shape != (count,) or not np.isfinite(values).all():
+        form = "a number" if count == 1 else Note("selection.numbers_commas", count=count)
+        raise UsageError(f"{words!r}: {text!r} is not {form}")
+    return values
+
+
+def half_space(text: str, words: str) -> tuple[int, float, float]:
+    """Axis, sign and level [m] of 'z<0.01': where sign * x[axis] is below sign * level.
+
+    ``UsageError`` naming ``words`` where it is something else.
+    """
+    match = re.fullmatch(r"\s*([xyz])\s*([<>])=?(.+)", text)
+    if match is None:
+        raise UsageError("selection.wanted_plane", words=words)
+    sign = 1.0 if match[2] == "<" else -1.0
+    return AXES.index(match[1]), sign, float(numbers(match[3], 1, words)[0])
+
+
+def _around(mesh: TetMesh, most: int = 8) -> str:
+    names = ", ".join(mesh.region_names[:most])
+    more = f" and {len(mesh.region_names) - most} more" if len(mesh.region_names) > most else ""
+    spans = zip(AXES, *mesh.bounds, strict=True)
+    box = ", ".join(f"{axis} {lo:.4g} to {hi:.4g}" for axis, lo, hi in spans)
+    return Note("selection.parts_mesh", names=names, more=more, box=box)
