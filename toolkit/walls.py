@@ -66,7 +66,7 @@ def with_named_walls(
     if not isinstance(asset, Asset):
         if Path(asset).suffix.lower() in SUFFIXES:
             return asset, walls
-        asset = load_asset(asset, size=options.size, units=options.units, up=options.up)
+        asset = load_asset(asset, **options.loading())
     # Walls [m] of empty parts, as the built-in reader reads each text
     labels, names = [(part.name, *part.labels) for part in asset.parts], asset.part_names
     main = main_parts(np.array([abs(part.mesh.volume) for part in asset.parts]))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -27,12 +27,16 @@ class Traction(NamedTuple):
     shares
         How much of every face it was meant for, shape (faces,) [1], where it is not all of it:
         ``value`` is so much smaller, and its force that on the share.
+    follows
+        'pressure' or 'torque' where it turns with its faces: it stays across them, or its moment
+        stays; '': a dead load.
     """
 
     faces: np.ndarray
     value: np.ndarray
     name: str = ""
     shares: np.ndarray | None = None
+    follows: Literal["", "pressure", "torque"] = ""
 
 
 class Resultant(NamedTuple):
@@ -82,7 +86,8 @@ def pressure(
     >>> bool(abs(load.value.sum(axis=0)).max() < 1e-9)  # on a closed surface it has no force
     True
     """
-    return _shared(faces, -value * face_normals(mesh.points, faces), shares)
+    load = _shared(faces, -value * face_normals(mesh.points, faces), shares)
+    return load._replace(follows="pressure")
 
 
 def spread_force(
@@ -164,7 +169,18 @@ def spread_torque(
     >>> bool(abs(load.value.sum(axis=0)).max() < 1e-12)  # faces of one size: no force
     True
     """
-    areas, arms = _arms(mesh, faces, shares)
+    turning = turning_traction(mesh.points, faces, torque, shares)
+    return Traction(faces, turning, shares=shares, follows="torque")
+
+
+def turning_traction(
+    points: Float[np.ndarray, "points 3"],
+    faces: Int[np.ndarray, "faces 3"],
+    torque: Sequence[float] | np.ndarray,
+    shares: np.ndarray | None,
+) -> Float[np.ndarray, "faces 3"]:
+    """Traction [Pa] of ``spread_torque`` on faces whose ``points`` are there [m]."""
+    areas, arms = _arms(points, faces, shares)
     square = (areas * (arms**2).sum(axis=1)).sum()
     moments = square * np.eye(3) - np.einsum("f,fi,fj->ij", areas, arms, arms)
     total = np.asarray(torque, dtype=float)
@@ -172,7 +188,8 @@ def spread_torque(
     # A moment of the line about itself is round-off, 1e-16 of the others: 1e-9 lies far from both.
     if not (square > 0 and np.allclose(moments @ spin, total, atol=1e-9 * abs(total).max())):
         raise InputError("loads.torque_about", count=len(faces))
-    return _shared(faces, np.cross(spin, arms), shares)
+    turning = np.cross(spin, arms)
+    return turning if shares is None else turning * shares[:, None]
 
 
 def resultant(mesh: TetMesh, load: Traction, held: Supports | None = None) -> Resultant:
@@ -181,7 +198,7 @@ def resultant(mesh: TetMesh, load: Traction, held: Supports | None = None) -> Re
     ``held`` tells how much of it lands on fixed points: of every face a third acts at the middle of
     each edge, as on quadratic elements, and that is fixed in the directions in which both ends are.
     """
-    areas, arms = _arms(mesh, load.faces, load.shares)
+    areas, arms = _arms(mesh.points, load.faces, load.shares)
     whole = face_areas(mesh.points, load.faces)
     each = np.broadcast_to(load.value, (len(load.faces), 3)) * whole[:, None]
     middle = mesh.points[load.faces].mean(axis=1)[0] - arms[0]
@@ -201,9 +218,11 @@ def _shared(faces: np.ndarray, value: np.ndarray, shares: np.ndarray | None) -> 
 
 
 def _arms(
-    mesh: TetMesh, faces: Int[np.ndarray, "faces 3"], shares: np.ndarray | None
+    points: Float[np.ndarray, "points 3"],
+    faces: Int[np.ndarray, "faces 3"],
+    shares: np.ndarray | None,
 ) -> tuple[Float[np.ndarray, "faces"], Float[np.ndarray, "faces 3"]]:
     """Loaded area [m^2] of every face, and the way [m] to its middle from the centroid of all."""
-    areas, middles = face_areas(mesh.points, faces), mesh.points[faces].mean(axis=1)
+    areas, middles = face_areas(points, faces), points[faces].mean(axis=1)
     areas = areas if shares is None else areas * shares
     return areas, middles - areas @ middles / areas.sum()

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from ..device import single_threaded
 from ..elements.assembly import constrained_stiffness, discretise, node_supports
 from ..elements.elastic import displacement_gradients, geometric_stiffness, linear_stress
+from ..elements.following import FollowingLoads
 from ..elements.space import element_points
 from ..errors import ConvergenceError, InputError
 from ..laws.law import Law
 from ..mesh import material_of
+from ..scene.loads import Traction
 from ..scene.supports import Supports
 from .modal import ConstrainedInverse, constrained_inverse
 from .result import LoadFactor, StaticResult
@@ -29,14 +31,17 @@ LARGEST = 1000.0
 
 
 @single_threaded
-def find_load_factor(result: StaticResult, supports: Supports) -> LoadFactor:
+def find_load_factor(
+    result: StaticResult, supports: Supports, *, traction: Sequence[Traction] = ()
+) -> LoadFactor:
     """Smallest multiple of all that acts at which the body of a linear ``result`` buckles.
 
     What acts are loads and prescribed displacements, which grow together.
 
     The lowest eigenvalue above zero of (K + factor K_sigma) x = 0, with the geometric stiffness
     K_sigma of the stress of ``result`` (Bathe, Finite Element Procedures, section 6.8.2).
-    ``supports`` are those of the result. Beyond ``LARGEST`` the factor is said to be infinite.
+    ``supports`` are those of the result; pressures in ``traction`` follow their faces, which
+    K_sigma has beside the stress. Beyond ``LARGEST`` the factor is said to be infinite.
 
     Raises InputError: Where the result is not linear.
     Raises ConvergenceError: If the mesh is too large for it, or the eigensolver does not reach its
@@ -57,7 +62,15 @@ def find_load_factor(result: StaticResult, supports: Supports) -> LoadFactor:
     free[grid.space.unused] = False
     K_sigma = geometric_stiffness(grid, stress)
     start = np.where(free, np.random.default_rng(0).normal(size=free.shape), 0.0)
-    push = lambda x: np.where(free, -(K_sigma @ x), 0.0)  # noqa: E731
+    following = FollowingLoads(result.mesh, grid.space, traction, held.fixed)
+    i, j, turning = following.stiffness(np.zeros_like(start))
+
+    def push(x: np.ndarray) -> np.ndarray:
+        """Force [N] that all that acts makes of a displacement ``x`` [m]."""
+        force = -(K_sigma @ x)
+        np.subtract.at(force, i, np.einsum("nij,nj->ni", turning, x[j]))
+        return np.where(free, force, 0.0)
+
     eigenvalue, shape = _largest_eigenvalue(inverse, push, start)
     shape = shape[: grid.space.points]
     if not eigenvalue > 0:

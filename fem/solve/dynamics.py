@@ -12,7 +12,7 @@ from ..device import checked_device, one_thread
 from ..elements.assembly import discretise, node_supports
 from ..elements.elastic import ElasticBody, Response
 from ..elements.forces import load_vector, lumped_mass, node_counts, node_velocities, weighing_mass
-from ..errors import ConvergenceError, InputError
+from ..errors import ConvergenceError, InputError, UsageError
 from ..laws.law import Law
 from ..linalg.solver import RepeatedSolver
 from ..mesh import TetMesh, face_areas, material_of
@@ -132,6 +132,7 @@ class Dynamics:
         start = Kinematics(u, v, np.where(self.held.fixed, 0.0, force / mass))
         self.state = self._measured(0.0, start, 0)
         self._step_made: tuple | None = None
+        self.patience = np.inf  # halvings that are left
         self._forget()
 
     def _forget(self) -> None:
@@ -192,7 +193,8 @@ class Dynamics:
         try:
             self._advance(dt)
         except ConvergenceError as error:
-            if halvings == 0:
+            self.patience -= 1
+            if halvings == 0 or self.patience < 0:
                 raise
             logger.info("step of %g s failed (%s): halved", dt, error)
             for _ in range(2):
@@ -260,6 +262,9 @@ class Dynamics:
 # An impact is followed in so many steps while a wave crosses the body and comes back, which no
 # contact is shorter than; in at most so many a frame, and so many for every frame altogether.
 PARTS, MOST_PARTS, MOST_STEPS = 16, 64, 4
+# A motion is given up whose steps were halved so many times as often as it has frames: an obstacle
+# that is driven through what is held takes ever more of them.
+HALVED = 2
 # A frame that meets an obstacle and loses more than this fraction of the energy, but to friction,
 # is such an impact.
 LOSSY = 0.01
@@ -278,7 +283,7 @@ class ImpactSteps:
         lam, mu = material.lame
         wave = np.sqrt(mesh.volumes @ (lam + 2 * mu) / mesh.mass)
         size = 6 * mesh.volume / face_areas(mesh.points, mesh.boundary.faces).sum()
-        self.body, self.dt = body, dt
+        self.body, self.dt, body.patience = body, dt, HALVED * frames
         self.parts = int(np.ceil(dt * PARTS * wave / (2 * size)))
         self.left = MOST_STEPS * frames if self.parts <= MOST_PARTS else 0
         self.halved, self._lost, self._given, self._barrier = 0, 0.0, 0.0, 0.0
@@ -340,9 +345,18 @@ class DynamicMethod:
         progress: FrameProgress | None = None,
         scheme: Scheme = Scheme.IMPLICIT_EULER,
     ) -> MotionResult:
-        """Follow the scene for its duration, one step of ``scheme`` a frame."""
+        """Follow the scene for its duration, one step of ``scheme`` a frame.
+
+        Raises UsageError: Where an obstacle is to be driven through what is held.
+        """
         frames = checked_count("frames", scene.frames)
         dt = checked_positive("duration", scene.duration, "s") / frames
+        held = scene.mesh.points[scene.held.fixed.all(axis=1)]
+        for k, obstacle in enumerate(scene.obstacles):
+            way = dt * np.asarray(obstacle.velocity, dtype=float)
+            for frame in range(1, frames + 1 if way.any() and len(held) else 1):
+                if not obstacle.distance(held - frame * way).gap.min() > 0:
+                    raise UsageError("dynamics.meets_support", k=k + 1, time=frame * dt)
         order, stiffening = motion_elements(scene.mesh, scene.supports, order)
         forces = scene.forces
         if scene.tractions:

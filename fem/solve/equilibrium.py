@@ -1,4 +1,4 @@
-"""Method of statics: linear, with its discretisation error, and again where strains are large."""
+"""Method of statics: linear with its errors; followed where the linear law is not enough."""
 
 from __future__ import annotations
 
@@ -9,36 +9,47 @@ from typing import Any
 
 import numpy as np
 
+from ..elements.assembly import constrained_stiffness, discretise, node_supports
+from ..elements.elastic import ElasticBody, displacement_gradients
+from ..elements.space import CENTROID
 from ..errors import ConvergenceError, UsageError
 from ..laws.law import LAWS, Law
+from ..linalg.cholesky import planned_elimination
+from ..linalg.solver import MOST_ENTRIES
+from ..mesh import material_of
 from ..note import Note
+from ..scene.obstacles import Plane
 from ..scene.scene import Scene
 from .buckling import find_load_factor
 from .contact import barrier_thickness
 from .error import find_discretisation_error
 from .method import FrameProgress
+from .modal import constrained_inverse
 from .nonlinear import solve_nonlinear
-from .result import SagResult, StaticResult
+from .result import LoadFactor, SagResult, StaticResult
 from .statics import solve_static
 
 logger = logging.getLogger(__name__)
 
-# Beyond this strain the linear law is not enough.
-LINEAR_LIMIT = 0.05
-# Share of the longest side beyond which a linear displacement means collapse: large strains would
-# have to be followed through folding and self-contact, minutes for what the eye has seen already.
-COLLAPSE = 0.5
-# Newton steps of the repeat: one that converges takes 5 to 15.
-ITERATIONS = 30
-# Unknowns up to which a body that Newton does not bring to rest is relaxed: hundreds of factors.
-RELAXED = 15_000
+# The linear law is enough up to this strain [1] and this rotation of a tet [rad], which makes half
+# its square of strain, and where the next terms of the load change no displacement by more than
+# this share of the largest: what is printed is good to a percent at best.
+LINEAR_STRAIN, LINEAR_TURN, LINEAR_CHANGE = 0.05, 0.1, 0.01
+# Strain [1] at which these terms are differenced.
+DIFFERENCED = 1e-2
+# Unknowns up to which a body is followed beyond the linear law, and up to which it is relaxed where
+# its path ends: tens and hundreds of factors.
+FOLLOWED, RELAXED = 300_000, 15_000
+# CG's relative residual of those terms where no factor is affordable.
+ROUGH = 1e-3
 
 
 class StaticMethod:
-    """Equilibrium under dead loads.
+    """Equilibrium as the load comes on slowly; pressures and torques follow their faces.
 
-    Without a law: the linear one, and neo-Hookean where the linear answer strains more than 5 %;
-    with a finite law that one is taken there; ``Law.LINEAR`` is never repeated.
+    Without a law: the linear one, and neo-Hookean where that strains or turns a body too far, or
+    its stress changes its stiffness. A finite law that is asked for is followed at once, and
+    ``Law.LINEAR`` never left.
     """
 
     laws: tuple[str, ...] = ()
@@ -73,18 +84,28 @@ class StaticMethod:
         static = solve(order=order)
         found = find_discretisation_error(static, scene.held, solve, **loads)
         static = replace(static, cycle=None)  # and its memory
-        factor, load_factor_unmade = None, ""  # of buckling, or why there is none
-        if static.order == 1:
-            load_factor_unmade = Note("equilibrium.linear_elements")
-        else:
-            try:
-                factor = find_load_factor(static, scene.held)
-            except ConvergenceError as error:
-                load_factor_unmade = str(error)
-        trusted = True
-        if law is None or LAWS[law].finite:
-            name = law or Law.NEO_HOOKEAN
-            static, trusted = _checked_strain(scene, static, name, warnings, loads)
+        why = None if law is None else Note("equilibrium.law_asked")
+        if law is None:
+            why = _beyond_linear(static, scene)
+        elif not LAWS[law].finite:
+            why = None
+        factor, unmade, trusted = None, "", True
+        if why is not None:
+            static, trusted = _followed(scene, static, law or Law.NEO_HOOKEAN, why, warnings, loads)
+        try:
+            if static.order == 1:
+                raise ConvergenceError("equilibrium.linear_elements")
+            if why is None or not trusted:
+                factor = find_load_factor(static, scene.held, traction=scene.tractions)
+            elif static.path is None:  # by contact with the ground, it is not followed
+                raise ConvergenceError("equilibrium.on_the_ground")
+            elif np.isfinite(static.path.end):
+                shape = static.path.softest()[: len(scene.mesh.points)]
+                factor = LoadFactor(static.path.end, shape / np.abs(shape).max())
+            else:
+                factor = static.path.load_factor()
+        except ConvergenceError as stopped:
+            unmade = str(stopped)
         for warning in warnings:
             logger.warning(warning)
         largest = float(np.linalg.norm(static.displacement, axis=1).max())
@@ -97,7 +118,7 @@ class StaticMethod:
             np.asarray(scene.held.fixed.any(axis=1)),
             tuple(warnings),
             load_factor=factor,
-            load_factor_unmade=load_factor_unmade,
+            load_factor_unmade=unmade,
             trusted=trusted,
             assumed=scene.held.assumed,
             error_shares=found.shares,
@@ -108,36 +129,87 @@ class StaticMethod:
 METHOD = StaticMethod()
 
 
-def _checked_strain(
-    scene: Scene, linear: StaticResult, law: str, warnings: list[str], loads: dict[str, Any]
+def _beyond_linear(linear: StaticResult, scene: Scene) -> Note | None:
+    """Why the ``linear`` rest is not enough; None where it is.
+
+    Its rotation, its strain, and what the second and third order in the load add to it, K^-1 of the
+    forces that the finite law makes of it: the ratio of K_sigma to K along the displacement is
+    theirs, and what membranes and turned levers add.
+    """
+    u, mesh = linear.node_displacement, scene.mesh
+    if not u.any():
+        return None
+    if linear.max_strain > LINEAR_STRAIN:
+        value, limit = linear.max_strain, LINEAR_STRAIN
+        return Note("equilibrium.linear_answer", max_strain=value, linear_limit=limit)
+    grid = discretise(mesh, linear.order)
+    H = displacement_gradients(grid, u, CENTROID)[:, 0]
+    turn = float(np.linalg.norm(H - H.transpose(0, 2, 1), axis=(1, 2)).max() / np.sqrt(8))
+    if turn > LINEAR_TURN:
+        return Note("equilibrium.linear_turns", turn=turn, limit=LINEAR_TURN)
+    ground = _lowered(scene)
+    if ground and not ground.distance(mesh.points + linear.displacement).gap.min() > 0:
+        return Note("equilibrium.linear_answer_sinks")
+    held = node_supports(scene.held, grid.space)
+    material, sizes = material_of(mesh), np.linalg.norm(u, axis=1)
+    inverse = constrained_inverse(
+        constrained_stiffness(grid, material, held), grid.space, held, rough=ROUGH
+    )
+    assert inverse is not None  # it may be rough
+    solve = lambda force: inverse.solve(np.where(held.fixed, 0.0, -force))  # noqa: E731
+    finite = ElasticBody(grid, material, Law.NEO_HOOKEAN)
+    force = lambda x: finite.response(x).force  # noqa: E731
+    e = DIFFERENCED / max(float(np.abs(H).max()), DIFFERENCED)
+    second = solve((force(e * u) + force(-e * u)) / (2 * e**2))
+    odd = (force(e * u + e**2 * second) - force(-e * u + e**2 * second)) / (2 * e)
+    third = solve((odd - ElasticBody(grid, material, Law.LINEAR).response(u).force) / e**2)
+    change = np.abs(np.linalg.norm(u + second + third, axis=1) - sizes).max() / sizes.max()
+    if not change <= LINEAR_CHANGE:
+        return Note("equilibrium.linear_changes", limit=LINEAR_CHANGE)
+    return None
+
+
+def _lowered(scene: Scene) -> Plane | None:
+    """The ground, so low that it does not push the body yet."""
+    if (ground := scene.ground) is None:
+        return None
+    normal = np.asarray(ground.normal, dtype=float)
+    lowered = ground.point - barrier_thickness(scene.mesh) * normal / np.linalg.norm(normal)
+    return replace(ground, point=tuple(lowered))
+
+
+def _followed(
+    scene: Scene,
+    linear: StaticResult,
+    law: str,
+    why: Note,
+    warnings: list[str],
+    loads: dict[str, Any],
 ) -> tuple[StaticResult, bool]:
-    """Answer under ``law`` where the linear one strains or sinks too much; whether to trust it."""
-    fraction = float(np.linalg.norm(linear.displacement, axis=1).max()) / scene.longest
-    if fraction > COLLAPSE:
-        warnings.append(Note("equilibrium.collapses_linear", fraction=fraction))
+    """Rest under the finite ``law`` and whether to trust it; ``linear`` where none was found."""
+    title, unknowns = LAWS[law].title, linear.node_displacement.size
+    grid = discretise(scene.mesh, linear.order)
+    plan = planned_elimination(grid.pattern, grid.space.edges)
+    if unknowns > FOLLOWED or plan.entries > MOST_ENTRIES:
+        warnings.append(Note("equilibrium.too_large", why=why, unknowns=unknowns, most=FOLLOWED))
         return linear, False
-    ground = scene.ground
-    if ground is not None:  # so low that it does not push the body yet
-        normal = np.asarray(ground.normal, dtype=float)
-        normal /= np.linalg.norm(normal)
-        lowered = ground.point - barrier_thickness(scene.mesh) * normal
-        ground = replace(ground, point=tuple(lowered))
-    if linear.max_strain > LINEAR_LIMIT:
-        why = Note(
-            "equilibrium.linear_answer", max_strain=linear.max_strain, linear_limit=LINEAR_LIMIT
-        )
-    elif ground and not ground.distance(scene.mesh.points + linear.displacement).gap.min() > 0:
-        why = Note("equilibrium.linear_answer_sinks")
-    else:
-        return linear, True
-    title = LAWS[law].title
-    options = {"law": law, "order": linear.order, "iterations": ITERATIONS}
-    options["obstacles"] = (ground,) if ground else ()
-    options["relaxation"] = linear.node_displacement.size <= RELAXED
+    relaxation = unknowns <= RELAXED
+    solve = partial(solve_nonlinear, scene.mesh, scene.held, law=law, order=linear.order, **loads)
     try:
-        static = solve_nonlinear(scene.mesh, scene.held, **options, **loads)
+        static = solve(relaxation=relaxation)
+        ground = _lowered(scene)
+        if ground and not ground.distance(scene.mesh.points + static.displacement).gap.min() > 0:
+            if static.path is not None and static.path.end < 1:
+                raise ConvergenceError("equilibrium.falls_over", end=static.path.end)
+            why = Note("equilibrium.linear_answer_sinks")
+            static = solve(obstacles=(ground,), relaxation=relaxation)
     except ConvergenceError as error:
-        warnings.append(Note("equilibrium.trusted_newton", why=why, title=title, error=error))
+        warnings.append(Note("equilibrium.not_followed", why=why, title=title, error=error))
         return linear, False
     warnings.append(Note("equilibrium.repeated_law", why=why, title=title))
+    if (path := static.path) is not None and path.end < 1:
+        if path.turns:
+            warnings.append(Note("equilibrium.snaps", end=path.end))
+        else:
+            warnings.append(Note("equilibrium.buckles", end=path.end))
     return static, True

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -13,6 +13,7 @@ from ..device import Recorder, checked_device, single_threaded, start_warp
 from ..elements.assembly import (
     BlockMatrix,
     Discretisation,
+    add_blocks,
     add_diagonal,
     apply_supports,
     constrained_stiffness,
@@ -20,21 +21,30 @@ from ..elements.assembly import (
     linear_stiffness,
     node_supports,
 )
+from ..elements.elastic import (
+    ElasticBody,
+    displacement_gradients,
+    geometric_stiffness,
+    linear_stress,
+)
+from ..elements.following import FollowingLoads
 from ..elements.forces import consistent_mass, diagonal_mass, lumped_mass
-from ..elements.space import LARGEST_MOVING, Space, affordable_order, extend_linear
-from ..errors import ConvergenceError, InputError
+from ..elements.space import Space, affordable_order, element_points, extend_linear
+from ..errors import ConvergenceError, InputError, UsageError
 from ..laws.law import Law
 from ..linalg.cholesky import NotPositive, cached_factor, find_factor, planned_elimination
 from ..linalg.krylov import RitzPairs, lanczos
 from ..linalg.multigrid import TwoLevel, scale
 from ..linalg.solver import MOST_ENTRIES, PIVOT, Inverse, rough_factor, rough_inverse
 from ..mesh import TetMesh, free_motions, material_of, rigid_motions
+from ..note import Note
+from ..scene.loads import Traction
 from ..scene.scene import Scene
 from ..scene.supports import Supports
 from ..validation import checked_count
 from .mesh_error import estimate_frequency_error
 from .method import FrameProgress
-from .result import Modes
+from .result import Modes, StaticResult
 
 # Relative residual of a mode: its frequency is then good to the square of it.
 TOLERANCE = 1e-3
@@ -42,9 +52,14 @@ MAX_ITERATIONS = 200
 # Lanczos stops when the error of every mode in mass is this share of it; blocks are this wide and
 # at most so many: one run through the factor costs little more for a few vectors than for one.
 CONVERGED = 1e-6
+# Vibrations are found anew where the load changes the squares of their frequencies by more than
+# this share: below it those of the slowest together are good to its square.
+NOTICED = 1e-2
 WIDEST, MOST_BLOCKS = 8, 60
 # The shift of a body that can move freely: a share of the square of its slowest wave's frequency.
 SHIFT = 0.05
+# A share of a free motion below this is round-off of the others.
+FREE = 1e-5
 # Operations of a factorisation that takes a few seconds.
 QUICK = 5e10
 
@@ -53,7 +68,8 @@ class Vibrations(NamedTuple):
     """A generalised eigenproblem K x = w^2 M x on the nodes that are ``free`` (nodes, 3).
 
     ``held`` are its supports on the nodes, ``mass`` is M of one component [kg], ``slow`` the square
-    of a low frequency [1/s^2], ``motions`` (nodes, 3, k) what meets no resistance.
+    of a low frequency [1/s^2], ``motions`` (nodes, 3, k) what meets no resistance; ``rest`` about
+    which it vibrates, and the loads on its faces there.
     """
 
     mesh: TetMesh
@@ -63,14 +79,32 @@ class Vibrations(NamedTuple):
     mass: Any
     slow: float
     motions: np.ndarray
+    rest: StaticResult | None = None
+    tractions: Sequence[Traction] = ()
 
     def stiffness(self, shift: float = 0.0) -> BlockMatrix:
-        """K + shift M [N/m], held; M in its own blocks."""
-        if not shift:
-            return constrained_stiffness(self.grid, material_of(self.mesh), self.held)
-        matrix = linear_stiffness(self.grid, material_of(self.mesh))
+        """K + shift M [N/m], held; M in its own blocks. At ``rest`` what its stress adds to K."""
+        material, rest = material_of(self.mesh), self.rest
+        if rest is None and not shift:
+            return constrained_stiffness(self.grid, material, self.held)
+        if rest is None or rest.law == Law.LINEAR:
+            matrix = linear_stiffness(self.grid, material)
+        else:
+            matrix = ElasticBody(self.grid, material, rest.law).tangent(rest.node_displacement)
         values = matrix.values.numpy()
         values += shift * self.mass.data[:, None, None] * np.eye(3)
+        if rest is not None and rest.law == Law.LINEAR:
+            points = element_points(self.grid.space.order)
+            H = displacement_gradients(self.grid, rest.node_displacement, points)
+            K_sigma = geometric_stiffness(self.grid, linear_stress(H, material))
+            values += K_sigma.data[:, None, None] * np.eye(3)
+        matrix.values.assign(values)
+        if rest is not None:
+            lies = rest.node_displacement * (rest.law != Law.LINEAR)
+            following = FollowingLoads(self.mesh, self.grid.space, self.tractions, self.held.fixed)
+            add_blocks(matrix, *following.stiffness(lies))
+            apply_supports(matrix, self.held.fixed, self.held.springs)
+            return matrix
         matrix.values.assign(values)
         apply_supports(matrix, self.held.fixed, self.held.springs)
         return matrix
@@ -91,6 +125,8 @@ def natural_modes(
     order: int = 2,
     lumped: bool = False,
     device: str = "cpu",
+    rest: StaticResult | None = None,
+    tractions: Sequence[Traction] = (),
 ) -> Modes:
     """Slowest natural vibrations of ``mesh``, free in space without ``supports``.
 
@@ -110,6 +146,9 @@ def natural_modes(
         Whether the mass is the lumped one of motions, not the consistent one.
     device
         'cpu' or 'cuda'.
+    rest, tractions
+        Rest of the same elements and supports about which it vibrates, and its loads on faces [Pa]:
+        stress and pressures change the stiffness.
 
     Returns
     -------
@@ -121,7 +160,7 @@ def natural_modes(
     InputError
         If the space has too few unknowns for so many modes.
     ConvergenceError
-        If the eigensolver does not reach its tolerance.
+        If the eigensolver does not reach its tolerance, or the ``rest`` is not stable.
 
     Examples
     --------
@@ -162,10 +201,25 @@ def natural_modes(
         raise InputError("modal.modes_body", count=count, unknowns=unknowns)
     matrix = problem.stiffness()
     plan = planned_elimination(matrix, problem.grid.space.edges)
-    if plan.entries <= MOST_ENTRIES:
-        square, x = _factored(problem, matrix, count)
-    else:
-        square, x = _lobpcg(problem, count)
+    solve = _factored if plan.entries <= MOST_ENTRIES else _lobpcg
+    square, x = solve(problem, matrix, count)
+    noticed = False
+    if rest is not None:
+        if rest.order != order:
+            raise InputError("modal.rest_of_order", order=rest.order, wanted=order)
+        # What the load changes among the slowest vibrations; where that is much, all anew
+        problem, unloaded = problem._replace(rest=rest, tractions=tractions), matrix
+        matrix = problem.stiffness().to("cpu")
+        change = x.T @ (matrix.to_scipy() - unloaded.to("cpu").to_scipy()) @ x
+        root = np.sqrt(np.outer(square, square))
+        noticed = bool(np.abs(change / root).max() > NOTICED)
+        if noticed:
+            square, x = solve(problem, matrix, count)
+        else:
+            square, along = np.linalg.eigh(np.diag(square) + (change + change.T) / 2)
+            x = x @ along
+        if not square[0] > 0:
+            raise ConvergenceError("modal.not_stable")
     weighed = problem.weigh(x)
     wrong = matrix.to("cpu").to_scipy() @ x - weighed * square
     size = np.linalg.norm(weighed * np.maximum(square, problem.slow), axis=0)
@@ -173,11 +227,47 @@ def natural_modes(
     if not residual < TOLERANCE:
         raise ConvergenceError("modal.modes_residual", residual=residual, tolerance=TOLERANCE)
     shapes = np.ascontiguousarray(x.T).reshape(count, -1, 3)
-    return Modes(np.sqrt(np.maximum(square, 0.0)) / (2 * np.pi), shapes, residual)
+    frequencies, holds = np.sqrt(np.maximum(square, 0.0)) / (2 * np.pi), bool(stopped.any())
+    free_names = _named(mesh, motions)
+    return Modes(frequencies, shapes, residual, order, noticed, free_names, holds)
+
+
+def _named(mesh: TetMesh, motions: np.ndarray) -> tuple[str, ...]:
+    """Names of free ``motions`` (points, 3, k): turns about axes, ways along them, then all else.
+
+    A turn may be about any axis of that direction. What pieces do against each other has no name.
+    """
+    used, count = np.unique(mesh.tets), motions.shape[2]
+    if not count:
+        return ()
+    size = float(np.ptp(mesh.bounds, axis=0).max())
+    whole = rigid_motions((mesh.points[used] - mesh.bounds.mean(axis=0)) / size)
+    whole = whole[:, :, [3, 4, 5, 0, 1, 2]].reshape(-1, 6)  # turns first: ways in them are left out
+    basis = np.linalg.qr(motions[used].reshape(-1, count))[0]
+    stopped = np.linalg.qr(whole - basis @ (basis.T @ whole), mode="r")
+    *_, size_of, right = np.linalg.svd(stopped)
+    rows, names = right[size_of < FREE * np.sqrt(len(whole))], []
+    for column in range(6):  # to echelon form: a row a motion, with as few parts as can be
+        here = len(names)
+        if here == len(rows) or not abs(rows[here:, column]).max() > FREE:
+            continue
+        pivot = here + int(abs(rows[here:, column]).argmax())
+        rows[[here, pivot]] = rows[[pivot, here]]
+        rows[here] /= rows[here, column]
+        others = np.arange(len(rows)) != here
+        rows[others] -= np.outer(rows[others, column], rows[here])
+        names.append(column)
+    words = []
+    for row, column in zip(rows, names, strict=True):
+        kind, part = ("about", row[:3]) if column < 3 else ("along", row[3:])
+        axes = [axis for axis, share in zip("xyz", part, strict=True) if abs(share) > FREE]
+        slanted = f"({', '.join(f'{x:.2g}' for x in part)})"
+        words.append(f"{kind} {axes[0] if len(axes) == 1 else slanted}")
+    return (*words, *[Note("modal.pieces")] * (count - len(words)))
 
 
 class ModalMethod:
-    """Natural vibrations of a body as it is held; loads do not change them."""
+    """Natural vibrations of a body as it is held, without loads."""
 
     laws: tuple[str, ...] = (Law.LINEAR,)
 
@@ -190,8 +280,13 @@ class ModalMethod:
         device: str = "cpu",
         progress: FrameProgress | None = None,
     ) -> Modes:
-        """First ``scene.modes`` vibrations; see ``natural_modes`` for what may fail."""
-        order = order or affordable_order(scene.mesh, LARGEST_MOVING)
+        """First ``scene.modes`` vibrations; see ``natural_modes`` for what may fail.
+
+        Raises UsageError: Under a law that is not linear: they are small.
+        """
+        if law not in (None, *self.laws):
+            raise UsageError("modal.small_vibrations", law=law)
+        order = order or (2 if quadratic_modes(scene.mesh) else 1)
         options = {"supports": scene.held, "order": order, "device": device}
         modes = natural_modes(scene.mesh, scene.modes, **options)
         if order == 1:
@@ -212,13 +307,13 @@ class ModalMethod:
 METHOD = ModalMethod()
 
 
-def quick_order(mesh: TetMesh) -> int | None:
-    """Highest order whose modes are found in a few seconds, by a factor; None if neither's are."""
-    for order in range(affordable_order(mesh, LARGEST_MOVING), 0, -1):
-        grid = discretise(mesh, order)
-        if planned_elimination(grid.pattern, grid.space.edges).operations <= QUICK:
-            return order
-    return None
+def quadratic_modes(mesh: TetMesh, *, most: float = np.inf) -> bool:
+    """Whether a factor of quadratic elements fits the memory, in at most so many operations."""
+    if affordable_order(mesh) == 1:
+        return False
+    grid = discretise(mesh, 2)
+    plan = planned_elimination(grid.pattern, grid.space.edges)
+    return plan.entries <= MOST_ENTRIES and plan.operations <= most
 
 
 def _factored(
@@ -234,6 +329,8 @@ def _factored(
             pass
     if factor is None or not factor.smallest_pivot > PIVOT:  # K is singular
         shift = SHIFT * problem.slow
+        if problem.rest is not None and not rigid:
+            raise ConvergenceError("modal.not_stable")
         factor = cached_factor(problem.stiffness(shift).to("cpu"), plan)
 
     def inverse(x: np.ndarray) -> np.ndarray:
@@ -252,7 +349,7 @@ def _factored(
     return square[rigid:], pairs.vectors(rigid + count)[:, rigid:]
 
 
-def _lobpcg(problem: Vibrations, count: int) -> tuple[np.ndarray, np.ndarray]:
+def _lobpcg(problem: Vibrations, matrix: BlockMatrix, count: int) -> tuple[np.ndarray, np.ndarray]:
     """As ``_factored``, by iterating on a block of vectors with one V-cycle.
 
     The cycle is that of K raised by the mass, on the free unknowns.
@@ -263,7 +360,7 @@ def _lobpcg(problem: Vibrations, count: int) -> tuple[np.ndarray, np.ndarray]:
     from ..linalg import kernels_krylov as k
 
     free = problem.free.reshape(-1)
-    K = problem.stiffness().to("cpu").to_scipy().tocsr()[free][:, free]
+    K = matrix.to("cpu").to_scipy().tocsr()[free][:, free]
     M = kron(problem.mass, np.eye(3), format="csr")[free][:, free]
     motions = problem.motions.reshape(free.size, -1)[free]
     start = np.random.default_rng(0).normal(size=(K.shape[0], count + 4))

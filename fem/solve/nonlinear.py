@@ -7,6 +7,8 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import partial
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
@@ -15,6 +17,7 @@ from jaxtyping import Float
 from ..device import single_threaded
 from ..elements.assembly import BlockMatrix, add_diagonal, apply_supports
 from ..elements.elastic import ElasticBody, displacement_gradients
+from ..elements.following import FollowingLoads
 from ..elements.forces import lumped_mass
 from ..elements.space import EDGES, element_points
 from ..errors import ConvergenceError, InputError
@@ -22,9 +25,11 @@ from ..laws.law import Law
 from ..linalg.krylov import inner_product, length
 from ..linalg.solver import solve_system
 from ..mesh import TetMesh, material_of
+from ..scene.loads import Traction
 from ..scene.obstacles import Obstacle
 from ..scene.supports import Supports
 from .contact import Contact
+from .path import Path
 from .result import StaticResult
 from .statics import check_held, discrete_problem, static_result
 
@@ -191,14 +196,13 @@ def relax(
 TOLERANCE = 1e-8
 # Newton's linear systems are solved this well: far beyond what its convergence needs.
 LINEAR_TOLERANCE = 1e-5
-# Newton steps of one step of the load.
-STEP_LIMIT = 15
 # First step of the relaxation, as a fraction of the time of a fall across the body.
 FALL_SHARE = 0.05
-
-
-# Where Newton stops the load comes on in steps, halved at most so often.
-NONLINEAR_HALVINGS = 4
+# A body that buckles is pushed along its softest way by this share of the forces in play until it
+# has bent: a straight column has no other reason to.
+PUSHED = 1e-3
+# Pressures that follow are frozen while it relaxes, so often.
+FROZEN = 3
 
 
 class Potential:
@@ -263,9 +267,11 @@ def solve_nonlinear(
     obstacles: Sequence[Obstacle] = (),
     relaxation: bool = True,
 ) -> StaticResult:
-    """Find the equilibrium of ``mesh`` under dead loads by Newton's method.
+    """Find the equilibrium of ``mesh`` by Newton's method, as its load grows.
 
-    Where it stops, the load comes on in steps; where that stops, by dynamic relaxation.
+    The path of stable rests is followed from no load on; where it ends, because the body snaps or
+    buckles, and where there are obstacles, dynamic relaxation goes on. Pressures and torques turn
+    with their faces.
 
     Parameters
     ----------
@@ -274,13 +280,13 @@ def solve_nonlinear(
     law
         Name of the elastic law in ``LAWS``.
     start
-        First guess of the displacement [m], shape (nodes, 3).
+        First guess of the displacement [m], shape (nodes, 3): Newton's method goes on from there.
     iterations
-        Most steps of Newton.
+        Most steps of Newton from such a guess.
     obstacles
         Rigid obstacles, which push without friction and stand still.
     relaxation
-        Whether dynamic relaxation goes on where Newton stops.
+        Whether dynamic relaxation goes on where the path ends or Newton stops.
 
     Returns
     -------
@@ -311,6 +317,8 @@ def solve_nonlinear(
     check_held(mesh, held)
     elastic = ElasticBody(grid, material_of(mesh), law)
     nodes = grid.space.nodes
+    tractions = [traction] if isinstance(traction, Traction) else traction
+    following = FollowingLoads(mesh, grid.space, tractions, held.fixed)
 
     def linear(matrix: BlockMatrix, b: np.ndarray, goal: float) -> np.ndarray:
         held_at = {"points": nodes, "fixed": held.fixed, "edges": grid.space.edges}
@@ -324,55 +332,50 @@ def solve_nonlinear(
     # The load, or what the prescribed motion makes.
     scale = float(max(np.linalg.norm(load), np.linalg.norm(elastic.response(u).force))) or 1.0
     potential = Potential(elastic, load, held, scale, contact)
-    mass = lumped_mass(mesh, grid.space)
     options = {"solve": linear, "tolerance": tolerance}
-    if relaxation:
-        minimum = _find_rest(potential, u, mass, limit=iterations, **options)
+    path, minimum = None, None
+    if start is None and contact is None:
+        follow = partial(Path, elastic, mesh, held, following=following, tolerance=tolerance)
+        path = follow(load, scale=scale)
+        path.follow()
+        if path.end < 1 and not relaxation:
+            raise ConvergenceError("nonlinear.path_ends", end=path.end)
+        u, rests = path.rests[-1].u, path.rests[-1].fraction >= 1
+        if not rests and not path.turns:  # it buckles: a little pushed, it bends that way
+            bent = follow(load + PUSHED * scale * path.softest(), scale=scale)
+            bent.follow()
+            u, path.iterations = bent.rests[-1].u, path.iterations + bent.iterations
+            rests = bent.rests[-1].fraction >= 1 and path.arrives(u)
+        if rests:
+            minimum = Minimum(path.rests[-1].u, path.residual * scale, path.iterations)
     else:
-        minimum = minimise(potential, u, limit=iterations, **options)
+        try:
+            minimum = minimise(potential, u, limit=iterations, **options)
+        except ConvergenceError as error:
+            if not relaxation:
+                raise
+            logger.info("%s: dynamic relaxation goes on", error)
+    if minimum is None:
+        mass = lumped_mass(mesh, grid.space)
+        size = float(np.linalg.norm(np.ptp(nodes, axis=0)))
+        force = float(np.abs(load.sum(axis=0)).max()) or scale
+        dt = FALL_SHARE * float(np.sqrt(size * mass.sum() / force))
+        known = {"mass": mass, "fixed": held.fixed, "dt": dt}
+        minimum = relax(potential, u, **known, **options)
+        for _ in range(FROZEN if following else 0):
+            potential.load = load + following.force(minimum.u) - following.force(0 * u)
+            minimum = relax(potential, minimum.u, **known, **options)
+    u = minimum.u
     # No tet may be inside out in a corner, along an edge, or where it was integrated
     middles = np.eye(4)[EDGES].mean(axis=1)
     where = np.concatenate([np.eye(4), middles, element_points(grid.space.order)])
-    J = np.linalg.det(displacement_gradients(grid, minimum.u, where) + np.eye(3)).min(axis=1)
+    J = np.linalg.det(displacement_gradients(grid, u, where) + np.eye(3)).min(axis=1)
     if not (J > 0).all():
         raise ConvergenceError(
             "nonlinear.tets_end", count=int((~(J > 0)).sum()), count_2=len(J), min=J.min()
         )
-    pushed = load + contact.forces(minimum.u, len(minimum.u)) if contact else load
+    pushed = load + (following.force(u) - following.force(0 * u) if following else 0.0)
+    pushed = pushed + contact.forces(u, len(u)) if contact else pushed
     residual = minimum.residual / scale
-    return static_result(mesh, elastic, minimum.u, pushed, held, residual, minimum.iterations)
-
-
-def _find_rest(
-    potential: Potential,
-    u: np.ndarray,
-    mass: np.ndarray,
-    *,
-    solve: LinearSolve,
-    tolerance: float,
-    limit: int,
-) -> Minimum:
-    """Rest by Newton at once; by Newton in steps of the load; by dynamic relaxation."""
-    try:
-        return minimise(potential, u, solve=solve, tolerance=tolerance, limit=limit)
-    except ConvergenceError as error:
-        logger.info("%s: the load comes on in steps", error)
-    load, count = potential.load, 0
-    done, step, halvings = 0.0, 0.5, 1
-    while done < 1 and halvings <= NONLINEAR_HALVINGS:
-        potential.load = min(1.0, done + step) * load
-        try:
-            minimum = minimise(potential, u, solve=solve, tolerance=tolerance, limit=STEP_LIMIT)
-            u, count, done = minimum.u, count + minimum.iterations, min(1.0, done + step)
-        except ConvergenceError:
-            step, halvings = step / 2, halvings + 1
-    potential.load = load
-    if done >= 1:
-        return minimum._replace(iterations=count)
-    logger.info("Newton stopped at %.0f %% of the load: dynamic relaxation", 100 * done)
-    size = float(np.linalg.norm(np.ptp(potential.body.grid.space.nodes, axis=0)))
-    force = float(np.abs(load.sum(axis=0)).max()) or potential.scale
-    dt = FALL_SHARE * float(np.sqrt(size * mass.sum() / force))
-    options = {"fixed": potential.held.fixed, "solve": solve, "tolerance": tolerance}
-    minimum = relax(potential, u, mass=mass, dt=dt, **options)
-    return minimum._replace(iterations=count + minimum.iterations)
+    result = static_result(mesh, elastic, u, pushed, held, residual, minimum.iterations)
+    return replace(result, path=path)

@@ -5,8 +5,8 @@ A method of solution returns one of the three, whichever way it found it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import NamedTuple
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -115,6 +115,8 @@ class StaticResult:
         What solved the linear system, and what was tried before in vain.
     cycle
         The V-cycle of the iterations that did, for whoever asks on; None: there were none.
+    path
+        The ``fem.solve.path.Path`` of rests that led there as the load grew, if it was followed.
 
     Examples
     --------
@@ -140,6 +142,7 @@ class StaticResult:
     iterations: int
     solver: str = ""
     cycle: Inverse | None = None
+    path: Any = field(default=None, repr=False)
 
     @property
     def order(self) -> int:
@@ -403,6 +406,11 @@ class Modes:
         Nodes' displacement of unit modal mass, shape (modes, nodes, 3); the mesh points come first.
     residual
         Largest |K x - w^2 M x| / |w^2 M x| of the modes, with w at least a wave's across the body.
+    order, loaded
+        Order of the elements; whether they are those of the body under its load.
+    free, held
+        Names of what nothing stops, and is no vibration: 'about z', 'along x', ...; whether
+        anything holds the body.
     error
         Relative error [1] of the first frequency by the mesh, of quadratic elements; NaN: not made.
 
@@ -420,6 +428,10 @@ class Modes:
     frequencies: Float[np.ndarray, "modes"]
     shapes: Float[np.ndarray, "modes nodes 3"]
     residual: float
+    order: int = 2
+    loaded: bool = False
+    free: tuple[str, ...] = ()
+    held: bool = True
     error: float = np.nan
 
 

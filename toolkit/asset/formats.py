@@ -15,6 +15,7 @@ from urllib.parse import unquote
 
 import numpy as np
 
+from ...converters.points.views import Pruning
 from ...converters.registry import Format
 from ...fem.errors import AutophyxError, InputError
 from ...fem.note import Note
@@ -94,11 +95,13 @@ class References:
     ``warnings`` a sentence for each reference that was missing, refused or too large.
 
     folder: The folder of the asset; a reference that leads out of it is refused.
+    pruning: Which splats are matter.
     """
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, *, pruning: Pruning | None = None) -> None:
         self.folder = folder.resolve()
         self.found: dict[str, bytes] = {}
+        self.pruning = pruning or Pruning()
         self.warnings: list[str] = []
 
     def get(self, name: str) -> bytes:

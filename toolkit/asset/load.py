@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from ...converters.points.views import Pruning
 from ...fem.errors import InputError, NoVolumeError, UsageError
 from ...fem.mesh import USUAL_SIZE
 from ...predictors.asset import Asset, Part, UpAxis
@@ -53,6 +54,8 @@ def load_asset(
     size: float | None = None,
     units: Unit | None = None,
     up: UpAxis | None = None,
+    opacity: float | None = None,
+    crop: str | None = None,
 ) -> Asset:
     """Load a surface or a point cloud; every named node, group or material becomes a part [m].
 
@@ -66,7 +69,11 @@ def load_asset(
         Unit of the file's numbers. Without ``size`` and ``units`` glTF is metres, others are taken
         as metres with a warning.
     up
-        Axis that points up: by default y for glTF and OBJ, z with a warning for others.
+        Axis that points up: by default y for glTF and OBJ, -y with a warning for splats, z for
+        others.
+    opacity, crop
+        Least opacity [1] of splats that are matter, and the box "x,y,z,x,y,z" in the file's units
+        that they lie in.
 
     Returns
     -------
@@ -93,7 +100,7 @@ def load_asset(
     _check_scale(size, units)
     _check_path(path)
     data = path.read_bytes()
-    references = References(path.parent)
+    references = References(path.parent, pruning=_pruning(opacity, crop))
     content = read_content(path, data, references)
     if not content.surfaces and content.cloud is not None:
         content = reconstructed(path, content)
@@ -155,7 +162,8 @@ def scaled(
     _check_scale(size, units)
     warnings = list(asset.warnings)
     if up is None and not stated.up:
-        warnings.append(f"the file does not say which axis is up: taken as +{asset.up.upper()}")
+        axis = asset.up.upper() if "-" in asset.up else f"+{asset.up.upper()}"
+        warnings.append(f"the file does not say which axis is up: taken as {axis}; --up sets it")
     longest = float(asset.size.max())
     if size is not None:
         factor = size / longest
@@ -183,6 +191,18 @@ def scaled(
     for sentence in warnings:
         log.info("%s: %s", asset.source, sentence)
     return replace(asset, metres_per_unit=float(factor), warnings=tuple(warnings))
+
+
+def _pruning(opacity: float | None, crop: str | None) -> Pruning:
+    if opacity is not None and not 0 <= opacity < 1:
+        raise UsageError("load.opacity", opacity=opacity)
+    try:
+        box = None if crop is None else np.array(crop.split(","), np.float64).reshape(2, 3)
+    except ValueError:
+        box = np.full((2, 3), np.nan)
+    if box is not None and not (box[0] < box[1]).all():
+        raise UsageError("load.crop", crop=crop)
+    return Pruning(crop=box) if opacity is None else Pruning(opacity, box)
 
 
 def _check_scale(size: float | None, units: Unit | None) -> None:

@@ -14,10 +14,11 @@ from ...converters.grids import density_surface, read_density
 from ...converters.points.gaussians import sound_splats
 from ...converters.points.ply import listed, parse_ply, ply_points
 from ...converters.points.table import PointTable, read_points
-from ...converters.points.views import splat_surface
+from ...converters.points.views import Pruning, splat_body
 from ...converters.registry import Format, Keeps
 from ...fem.errors import InputError
 from ...fem.note import Note
+from ...predictors.asset import UpAxis
 from .formats import AssetContent, NamedSurface, References, decoded
 
 if TYPE_CHECKING:
@@ -139,7 +140,8 @@ def read_carrier(path: Path, data: bytes, references: References) -> AssetConten
     Our own archive of a density grid is metres by contract; nothing else names its unit.
     """
     if not is_density(path):
-        return points_content(read_points(path))
+        up = "y" if path.suffix.lower() == ".spz" else "-y"  # its specification says y up
+        return points_content(read_points(path), references.pruning, up=up)
     grid = read_density(path)
     surface = NamedSurface(density_surface(grid))
     cells = " × ".join(map(str, grid.density.shape))
@@ -147,15 +149,19 @@ def read_carrier(path: Path, data: bytes, references: References) -> AssetConten
     return AssetContent([surface], metres=metres, samples=f"a grid of {cells} cells")
 
 
-def points_content(table: PointTable) -> AssetContent:
-    """Surface through splats, or the finite points of a cloud."""
+def points_content(table: PointTable, pruning: Pruning, *, up: UpAxis = "-y") -> AssetContent:
+    """Surface through splats, or the finite points of a cloud.
+
+    y points down in COLMAP, by whose cameras most splats are trained.
+    """
     if table.is_splat:
         sound, warnings = sound_splats(table)
         if not sound.any():
             raise InputError("readers.no_splats", count=len(table))
-        surface = NamedSurface(splat_surface(table.only(sound)))
+        surface, told = splat_body(table.only(sound), pruning)
         samples = f"{int(sound.sum()):,} Gaussians"
-        return AssetContent([surface], samples=samples, warnings=tuple(warnings))
+        notes = (*warnings, *told)
+        return AssetContent([NamedSurface(surface)], up_guess=up, samples=samples, warnings=notes)
     finite = np.isfinite(table.positions).all(axis=1)
     lost = int((~finite).sum())
     warnings = (Note("readers.not_finite", lost=lost, count=len(table)),) if lost else ()
@@ -179,7 +185,7 @@ def read_ply_surface(path: Path, data: bytes, references: References) -> AssetCo
     ply = parse_ply(data)
     table = ply_points(ply)
     if table.is_splat:
-        return points_content(table)
+        return points_content(table, references.pruning)
     faces, skin, colours = [np.zeros((0, 3), np.int64)], [], []
     lists = listed(ply)
     for rows in lists.get("face", ()):
@@ -204,7 +210,7 @@ def read_ply_surface(path: Path, data: bytes, references: References) -> AssetCo
                 faces.append(trimesh.util.triangle_strips_to_faces(strips))
     points, faces = table.positions, np.concatenate(faces)
     if not len(faces):
-        return points_content(table)
+        return points_content(table, references.pruning)
     mesh = trimesh.Trimesh(points, faces, process=False, validate=False)
     channels = [table.columns[name] for name in ("red", "green", "blue") if name in table.columns]
     image = _ply_texture(ply.comments, references)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import fields, replace
 from difflib import get_close_matches
 from math import isnan
@@ -31,8 +30,8 @@ from ...fem.scene.conditions import (
 )
 from ...fem.scene.scene import Scene
 from ...fem.solve.method import METHODS, SCENARIOS, Method, Scenario
-from ...fem.solve.modal import quick_order
-from ...fem.solve.result import Modes, MotionResult
+from ...fem.solve.modal import QUICK, natural_modes, quadratic_modes
+from ...fem.solve.result import Modes, MotionResult, SagResult
 from ...fem.table import Span, key, load_contents, load_flows, load_strengths, load_table
 from ...predictors.asset import UpAxis
 from ..asset.document import BodyRecord, read_known
@@ -117,12 +116,9 @@ def run_scenario(
         answer = ModalSimulation(scene, options.scenario, **known, modes=result)
     else:
         answer = StaticSimulation(scene, options.scenario, **known, solved=result)
-        # First vibrations of the body as it is held, where a direct factor finds them
-        if scenario.with_modes and (order := quick_order(scene.mesh)) is not None:
-            first = replace(scene, modes=STANDING_MODES)
-            with suppress(ConvergenceError, InputError):  # too few unknowns for so many modes
-                modes = METHODS["modal"].solve(first, order=order, device=options.device)
-                answer = replace(answer, modes=cast("Modes", modes))
+        # First vibrations of the body as it lies and is held, where a factor finds them
+        if scenario.with_modes:
+            answer = replace(answer, **standing_modes(scene, result, options.device))
     return replace(answer, seconds=time.perf_counter() - started)
 
 
@@ -145,6 +141,22 @@ def _refined(scene: Scene, options: SimulateOptions, kind: str) -> Scene:
     else:
         note = Note("scenario.refined", **values)
     return replace(refined.scene, warnings=(*scene.warnings, note))
+
+
+def standing_modes(scene: Scene, result: SagResult, device: str) -> dict[str, Any]:
+    """First vibrations of a body at rest, or why there are none."""
+    static = result.static
+    if not result.trusted:
+        return {"modes_unmade": "how it comes to lie was not found"}
+    if static.order != 2 or not quadratic_modes(scene.mesh, most=QUICK):
+        return {"modes_unmade": "quadratic elements take too long for that here: --scenario modal"}
+    known = {"supports": scene.held, "tractions": scene.tractions, "device": device}
+    try:
+        return {"modes": natural_modes(scene.mesh, STANDING_MODES, rest=static, **known)}
+    except InputError:  # too few unknowns for so many modes
+        return {}
+    except ConvergenceError as error:
+        return {"modes_unmade": str(error)}
 
 
 def scene_of_options(

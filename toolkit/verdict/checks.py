@@ -140,15 +140,23 @@ def stays_upright(result: SagResult, scene: Scene) -> tuple[Check, ...]:
     return (Check("upright", _passed(passed), said, inside, 0.0, "m"),)
 
 
-def first_frequency(modes: Modes) -> Check:
-    """Whether the body rings rather than wobbles."""
+def first_frequency(modes: Modes | None, why: str = "") -> Check:
+    """Whether the body rings rather than wobbles; without modes ``why`` is told."""
+    if modes is None:
+        said = Note("checks.frequency_unmade", why=why)
+        return Check("first frequency", "not made", said, np.nan, WOBBLES, "Hz", why=why)
     value = float(modes.frequencies[0])
-    passed, told = value >= WOBBLES, {"value": value, "limit": WOBBLES}
-    said = Note("checks.is_stiff" if passed else "checks.wobbles", **told)
-    if passed and (1 - SAFETY * modes.error) * value < WOBBLES:
-        why = Note("checks.frequency_error", off=percent(modes.error))
-        return Check("first frequency", "doubtful", said, value, WOBBLES, "Hz", why=why)
-    return Check("first frequency", _passed(passed), said, value, WOBBLES, "Hz")
+    under, outcome = Note("checks.under_load") if modes.loaded else "", _passed(value >= WOBBLES)
+    told = {"value": value, "limit": WOBBLES, "under": under}
+    said = Note("checks.is_stiff" if value >= WOBBLES else "checks.wobbles", **told)
+    if modes.free and modes.held:
+        ways = ", ".join(modes.free)
+        outcome, said = "failed", Note("checks.moves_freely", ways=ways, **told)
+    elif modes.order == 1 and value >= WOBBLES:
+        outcome, said = "doubtful", Note("checks.stiff_by_linear", **told)
+    elif value >= WOBBLES > (1 - SAFETY * modes.error) * value:
+        outcome, why = "doubtful", Note("checks.frequency_error", off=percent(modes.error))
+    return Check("first frequency", outcome, said, value, WOBBLES, "Hz", why=why)
 
 
 def explicit_step(mesh: TetMesh) -> Check:
@@ -346,9 +354,12 @@ def contact_forces(motion: MotionResult, names: Sequence[str]) -> Check:
     impact, pressures = motion.impact, motion.largest_pressures
     if impact is not None and forces.any():
         forces = np.maximum(forces, impact.forces)
-        if why := impact.unresolved:
-            told = {"lost": impact.lost, "barrier": impact.barrier}
-            why = Note(f"checks.unresolved_{why}", **told)
+        if kind := impact.unresolved:
+            why = {
+                "time": Note("checks.unresolved_time", lost=impact.lost),
+                "surface": Note("checks.unresolved_surface", barrier=impact.barrier),
+                "force": Note("checks.unresolved_force"),
+            }[kind]
             return Check("contact", "not made", Note("checks.press_unknown", why=why), why=why)
     pressed: list[str] = []
     for k, force in enumerate(forces):

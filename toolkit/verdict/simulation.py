@@ -14,6 +14,7 @@ from jaxtyping import Float
 
 from ...fem.laws.law import LAWS
 from ...fem.mesh import TetMesh, piece_names
+from ...fem.note import Note
 from ...fem.reactions import reactions
 from ...fem.safety import PartStresses, Safety, part_safety, part_stresses
 from ...fem.scene.loads import resultant
@@ -182,6 +183,7 @@ class StaticSimulation(Simulation):
 
     solved: SagResult
     modes: Modes | None = None
+    modes_unmade: str = ""
 
     kind = "sag"
 
@@ -215,6 +217,7 @@ class StaticSimulation(Simulation):
             ],
             "frequencies": self.frequencies,
             "order": static.order,
+            "law": static.law,
             "gap": self.solved.discretisation_error,
             "residual": static.residual,
             "iterations": static.iterations,
@@ -283,8 +286,8 @@ class StaticSimulation(Simulation):
             *stays_upright(self.solved, self.scene),
             *(strength(one, self.solved.discretisation_error) for one in self.safety),
         ]
-        if self.modes is not None:
-            checks.append(first_frequency(self.modes))
+        if self.modes is not None or self.modes_unmade:
+            checks.append(first_frequency(self.modes, self.modes_unmade))
         if known:
             names = ("mass", "max_displacement", "frequencies", "likely")
             checks.append(span_of_answers(*(known[name] for name in names)))
@@ -444,7 +447,14 @@ class ModalSimulation(Simulation):
     def numbers(self) -> dict[str, Any]:
         """Frequencies [Hz] and the residual of the eigensolver."""
         known = {"frequencies": self.frequencies, "residual": self.modes.residual}
-        return {**known, "intervals": self.intervals}
+        return {**known, "free": self.modes.free, "intervals": self.intervals}
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What was assumed, and what moves freely."""
+        names = ", ".join(dict.fromkeys(self.modes.free))
+        free = (Note("checks.free_motions", names=names),) if names else ()
+        return (*self.scene.warnings, *free)
 
     @cached_property
     def intervals(self) -> dict[str, Any] | None:
