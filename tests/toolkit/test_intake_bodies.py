@@ -138,6 +138,17 @@ def test_two_fans_at_a_vertex_are_told(monkeypatch):
     assert any("at 3 vertices of the boundary two fans" in told for told in report.warnings)
 
 
+@pytest.mark.slow
+def test_a_first_body_is_shown_while_the_engine_works(monkeypatch):
+    """Once, after the seconds that are waited for: a lattice of the volume; the answer is another."""
+    monkeypatch.setattr(conversion, "FORESEEN", 0.0)
+    shown = []
+    mesh, report = tetrahedralize(asset_of(ball=ball(1)), epsilon_rel=1e-3, first=shown.append)
+    assert len(shown) == 1
+    assert shown[0].volume == pytest.approx(mesh.volume, rel=0.01)
+    assert (report.mesher, len(report.attempts)) == ("ftetwild", 1)
+
+
 def test_fast_ends_with_the_lattice():
     assert ConvertOptions(fast=True).engine()["mesher"] == "stuffing"
     assert ConvertOptions(fast=True, mesher="ftetwild").engine()["mesher"] == "ftetwild"
