@@ -140,7 +140,7 @@ def test_two_fans_at_a_vertex_are_told(monkeypatch):
 
 @pytest.mark.slow
 def test_a_first_body_is_shown_while_the_engine_works(monkeypatch):
-    """Once, after the seconds that are waited for: a lattice of the volume; the answer is another."""
+    """Once, after the seconds that are waited for: a lattice, and then the engine's answer."""
     monkeypatch.setattr(conversion, "FORESEEN", 0.0)
     shown = []
     mesh, report = tetrahedralize(asset_of(ball=ball(1)), epsilon_rel=1e-3, first=shown.append)
