@@ -74,13 +74,14 @@ def predict_materials(
             row, why = table.exact(material), Note("assign.usual", kind=kind)
             value, alpha_of = row.value(choice.alpha), choice.alpha
             choices[i] = PartChoice(choice.part, row, value, 1.0, alpha_of, why, guessed=True)
-    made = Prediction.of(parts, choices, bound.sentence, alpha=alpha)
-    if left_open := [i for i, c in enumerate(choices) if not c.settled and i in parts.part]:
-        if alpha is not None and not predictor.takes_alpha:
-            able = " or ".join(name for name in PREDICTORS if PREDICTORS[name].takes_alpha)
-            raise UsageError("assign.alpha_moves", part=choices[left_open[0]].part, able=able)
-        first = alike(parts, left_open, [choice.clause for choice in choices])
-        known = {"choices": choices, "appearance": appearance, "up": up, "alpha": alpha}
-        found = predictor.predict(merged(parts, first), bound.sentence, **known)
-        made = found.for_each(parts, first)
-    return replace(made, warnings=settled.warnings)
+    left_open = [i for i, c in enumerate(choices) if not c.settled and i in parts.part]
+    if not left_open:
+        made = Prediction.of(parts, choices, bound.sentence, alpha=alpha)
+        return replace(made, warnings=settled.warnings)
+    if alpha is not None and not predictor.takes_alpha:
+        able = " or ".join(name for name in PREDICTORS if PREDICTORS[name].takes_alpha)
+        raise UsageError("assign.alpha_moves", part=choices[left_open[0]].part, able=able)
+    first = alike(parts, left_open, [choice.clause for choice in choices])
+    known = {"choices": choices, "appearance": appearance, "up": up, "alpha": alpha}
+    found = predictor.predict(merged(parts, first), bound.sentence, **known)
+    return replace(found.for_each(parts, first), warnings=settled.warnings)

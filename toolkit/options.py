@@ -238,8 +238,8 @@ class SimulateOptions:
     """Order of the elements, 1 or 2; by default 2 (motions: 1) while affordable."""
     refine: float | None = None
     """Refine the mesh of a rest where its error is until the answer is within so many percent."""
-    supports: Literal["base", "three-point"] = "base"
-    """Clamp the base, or rest on three points so that nothing is restrained but rigid motion."""
+    supports: Literal["base", "three-point", "free"] = "base"
+    """Clamp the base, rest on three points (only rigid motion is stopped), or free (vibrations)."""
     fix: Annotated[tuple[str, ...], Repeated] = ()
     """Hold a place, not the base: "part:leg*", "plane:z<10mm", box:..., near:x,y,z,r [:xy]."""
     load: Annotated[tuple[str, ...], Repeated] = ()

@@ -117,8 +117,9 @@ def glossed(cut: list[Atom], lexicon: ReaderLexicon, known: Collection[str]) -> 
     best, most = None, 0
     for language in languages():
         read = {i for i, word in words if language.of((word,))}
-        own = len(read - english) - len(english - read - {i for i, w in words if w in names})
-        if own > most:
+        called = {i for i, word in words if word in names}
+        own = len(read - english) - len(english - read - called)
+        if own > most and own >= len({i for i, _ in words} - read - english - called):
             best, most = language, own
     if best is None:
         return None

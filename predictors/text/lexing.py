@@ -22,7 +22,7 @@ from ...fem.table import Material
 from .english import Atom, Lexeme, Phrase, is_glue, words
 from .languages import glossed
 from .materials import LONGEST_PHRASE, Meaning, ReaderLexicon, atoms, named_materials
-from .numerals import Comparison, Numeral, Quantity, number, numerals
+from .numerals import Blend, Comparison, Numeral, Quantity, number, numerals
 from .parts import part_name_words
 
 # Of candidates over each other the longest is taken, then the one of the lowest rank.
@@ -56,7 +56,6 @@ def lex(text: str, lexicon: ReaderLexicon, names: Sequence[str]) -> Lexed:
     for pattern in _IGNORED:
         text = pattern.sub(lambda m: " " * len(m[0]), text)
     text, loads = without_loads(text)
-    numbers = numerals(lexicon.undesignated(text))
     cut = atoms(text, lexicon.model, known)
     foreign = glossed(cut, lexicon, known)
     if foreign:
@@ -68,6 +67,11 @@ def lex(text: str, lexicon: ReaderLexicon, names: Sequence[str]) -> Lexed:
         return Lexed([], [*loads, *notes])
     out: list[Lexeme] = []
     materials = named_materials(text, cut, lexicon, known, several=len(names) > 1)
+    unnamed = text
+    for x in materials:  # "PA66" is no pascal
+        if _CODED.fullmatch(x.text) and not _UNIT.match(text, x.end):
+            unnamed = unnamed[: x.start] + " " * len(x.text) + unnamed[x.end :]
+    numbers = numerals(unnamed)
     candidates = _spans(text, cut, numbers, materials, lexicon, names, known)
     for lexeme in sorted(candidates, key=lambda x: (x.start - x.end, _RANK.get(x.role, 3))):
         if all(lexeme.end <= c.start or c.end <= lexeme.start for c in out):
@@ -113,6 +117,8 @@ def lex(text: str, lexicon: ReaderLexicon, names: Sequence[str]) -> Lexed:
 
 _LOADS = re.compile(words()["loads"]["pattern"], re.VERBOSE)
 _HEADED = re.compile(r"(?i)(?<!\w)(?:material|mat|werkstoff|matériau|part|part name|bauteil)(?!\w)")
+_CODED = re.compile(r"(?=.*\d)(?=.*[A-Za-z])[^\s%]{3,}")
+_UNIT = re.compile(r" ?(?:[kMG]?Pa|psi|ksi|k?g/|N/)")
 _IGNORED = [re.compile(rf"(?<![\w.])(?:{each})") for each in words()["ignored"]["patterns"]]
 _LOAD_END = re.compile(r"[;\n]|[,.](?=\s|$)|\s(?=and\b|but\b|while\b|which\b)|$")
 
@@ -184,7 +190,7 @@ def _mended_spelling(
         small = {code: _small_words(code) for code in LANGUAGES}
         english = sum(word in small["en"] for word in low)
         alien = (sum(w in small[code] and w not in small["en"] for w in low) for code in LANGUAGES)
-        if max(alien) > max(english, 1):
+        if max(alien) > max(english, 2):
             return [], [Note("lexing.language_read")], set(), {}
     if foreign:
         note = Note("lexing.words_english", count=len(odd), long=long)
@@ -401,6 +407,32 @@ def one_of(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
             out[-2:] = [replace(first, note=note)]
         else:
             out.append(lexeme)
+    return out
+
+
+def same_again(lexemes: Sequence[Lexeme], lexicon: ReaderLexicon) -> list[Lexeme]:
+    """Join a matter and its name in brackets behind it: "titanium alloy (Ti-6Al-4V, ASTM F136)"."""
+    out: list[Lexeme] = []
+    at = 0
+    while at < len(lexemes):
+        out.append(lexemes[at])
+        at += 1
+        first = out[-1]
+        end = next((k for k in range(at, len(lexemes)) if lexemes[k].role == "close"), at)
+        inside = lexemes[at + 1 : end]
+        if first.role != "material" or end == at or lexemes[at].role != "open":
+            continue
+        rows = [x for x in inside if x.role == "material"]
+        others = any(x.part or x.role in ("number", "is", "of", "with") for x in inside)
+        if len(rows) == 1 and not others and not first.part:
+            (second,) = rows
+            mixed = any(isinstance(x.value, Blend) for x in out[-3:])  # "glass-filled PA (PA-GF30)"
+            finer = second.value.grade and not first.value.grade and not mixed
+            if finer or lexicon.repeats(first.value, first.words, second.value):
+                out[-1] = replace(first, value=second.value)
+            elif first.value.category != second.value.category:
+                continue
+            at = end + 1
     return out
 
 

@@ -203,15 +203,6 @@ class ReaderLexicon:
             if row
         ]
 
-    def undesignated(self, text: str) -> str:
-        """A text with blanks for designations that hold letters and digits: "PA66" is no pascal."""
-        for pattern, _ in self.designations:
-            for m in pattern.finditer(text):
-                code = re.fullmatch(r"(?=.*\d)(?=.*[A-Za-z])[^\s%]{3,}", m[0])
-                if code and not re.match(r" ?(?:[kMG]?Pa|psi|ksi|k?g/|N/)", text[m.end() :]):
-                    text = text[: m.start()] + " " * len(m[0]) + text[m.end() :]
-        return text
-
 
 _KEPT: dict[int, ReaderLexicon] = {}
 

@@ -33,6 +33,7 @@ from .lexing import (
     one_of,
     point_back,
     puts_hue,
+    same_again,
 )
 from .materials import SHORT, ReaderLexicon, lexicon_of
 from .numerals import Blend, Comparison, Quantity, counted_by
@@ -59,7 +60,7 @@ def parse(text: str, table: MaterialTable, names: Sequence[str] = ()) -> Sentenc
     lexicon = lexicon_of(table)
     lexed = lex(text, lexicon, names)
     lexed.lexemes = point_back(one_of(lone_grades(bare_numbers(lexed.lexemes))))
-    lexed.lexemes = _same_again(lexed.lexemes, lexicon)
+    lexed.lexemes = same_again(lexed.lexemes, lexicon)
     cascade = Cascade(list(_tokens(join_comparisons(lexed.lexemes), lexicon)), lexicon)
     left = cascade.run()
     told = {name for draft in left if draft.says for name in draft.names}
@@ -584,6 +585,10 @@ def _group(parts: list[Mention], values: list[Mention], *, part_first: bool = Fa
 
 SURE, MENDED = 1.0, 0.8  # certainty: as it stands; with something mended, guessed or left out
 _BEFORE = 30  # letters before a matter that may hold its state: "rusty galvanised steel"
+_HEDGE = re.compile(
+    r"(?i)\b(?:might be|may be|maybe|perhaps|possibly|probably|presumably|not sure|unsure|i think"
+    r"|i guess|t\.?b\.?[cd]\b|to be confirmed)"
+)
 _LISTS = ("character", "numbers", "comparisons")  # fields that a clause has from its draft
 _SAME = ("phrase", "kind", "coating", "filling", "blend")
 _SAYS = ("material", "unknown", "excluded", "levels", *_LISTS, "coating", "filling", "blend")
@@ -751,37 +756,16 @@ def take_strange(draft: Draft, lexemes: Sequence[Lexeme]) -> None:
         draft.names = [tuple(w for x in draft.lexemes if x.part for w in x.words)]
 
 
-def _same_again(lexemes: Sequence[Lexeme], lexicon: ReaderLexicon) -> list[Lexeme]:
-    """Join a matter and its name in brackets behind it: "titanium alloy (Ti-6Al-4V, ASTM F136)"."""
-    out: list[Lexeme] = []
-    at = 0
-    while at < len(lexemes):
-        out.append(lexemes[at])
-        at += 1
-        first = out[-1]
-        end = next((k for k in range(at, len(lexemes)) if lexemes[k].role == "close"), at)
-        inside = lexemes[at + 1 : end]
-        if first.role != "material" or end == at or lexemes[at].role != "open":
-            continue
-        rows = [x for x in inside if x.role == "material"]
-        others = any(x.part or x.role in ("number", "is", "of", "with") for x in inside)
-        if len(rows) == 1 and not others and not first.part:
-            (second,) = rows
-            finer = second.value.grade and not first.value.grade
-            if finer or lexicon.repeats(first.value, first.words, second.value):
-                out[-1] = replace(first, value=second.value)
-            elif first.value.category != second.value.category:
-                continue
-            at = end + 1
-    return out
-
-
 def _tell_compounds(lexemes: Sequence[Lexeme], drafts: Sequence[Draft]) -> None:
     """Tell nouns behind a matter that make another of it and that nothing took: "walnut burl"."""
     plain = {*part_words()["objects"], *known_parts(), *places(), *words()["attributes"]["empty"]}
     owners = {x.end: draft for draft in drafts for x in draft.lexemes if x.role == "material"}
-    for matter, noun, after in zip(lexemes, lexemes[1:], [*lexemes[2:], None], strict=False):
-        owner = owners.get(matter.end) if noun.start == matter.end + 1 else None
+    for before, matter, noun, after in zip(
+        [None, *lexemes], lexemes, lexemes[1:], [*lexemes[2:], None], strict=False
+    ):
+        # "a steel dowel" is a thing of steel
+        thing = before is not None and before.text.lower() in ("a", "an")
+        owner = owners.get(matter.end) if noun.start == matter.end + 1 and not thing else None
         ends = after is None or after.role in _ENDING or not after.words
         if owner and ends and noun.role == "word" and noun.tag[:2] in ("NN", "VB"):
             if not (noun.part or {*noun.words} & plain or noun in owner.lexemes):
@@ -857,6 +841,11 @@ def clause_of(text: str, draft: Draft, lexicon: ReaderLexicon) -> Clause:
         stands = r"\b[ ,]+(?!rolled|dip|forged|worked|formed|pressed)(?:\w+ )?$"
         said = [word for word in sorted(states) if re.search(rf"\b{word}{stands}", before)]
         told += [Note("reader.used_values", word=word, phrase=draft.phrase) for word in said]
+    hedge = _HEDGE.search(re.split(r"[;.\n]", text[end:])[0][:_BEFORE]) or _HEDGE.search(
+        text[start:end]
+    )
+    if draft.material and hedge:
+        told.append(Note("reader.unsure", hedge=hedge[0].strip(), phrase=draft.phrase))
     noted = [x.note for x in draft.lexemes if x.note]
     unknown, doubts = (
         "" if draft.material else draft.unknown,

@@ -83,8 +83,9 @@ def test_a_column_that_is_pressed_by_a_move():
     result = StaticMethod().solve(Scene(mesh=mesh, supports=moved), law="linear")
     assert result.load_factor.value == pytest.approx(4 * np.pi**2 * H**2 / 12 / -by, rel=0.05)
     found = {check.name: check for check in verdicts.static_checks(result)}
-    assert found["discretisation"].outcome == "not made"  # the largest displacement is the move
-    assert found["holds shape"].outcome == "doubtful"
+    assert found["discretisation"].outcome == "passed"
+    # A reaction of E A by / L where ends that are clamped stiffen it a little, estimated as that
+    assert 0 < result.discretisation_error.reaction < 0.01
 
 
 def stem(cells):

@@ -25,7 +25,7 @@ def read_collada(path: Path, data: bytes, references: References) -> AssetConten
 
     Raises InputError: Where the unit is no length, or a skin has no joints.
     """
-    from lxml import etree
+    from lxml import etree  # type: ignore[attr-defined]
     from trimesh.util import unique_name
 
     refuse_entities(path, data)
@@ -84,8 +84,8 @@ def read_collada(path: Path, data: bytes, references: References) -> AssetConten
     scene = parse_scene(path, etree.tostring(root), references)
     surfaces = []
     for node in scene.graph.nodes_geometry:
-        matrix, name = scene.graph[node]
-        mesh = scene.geometry[name].copy()
+        matrix, geometry = scene.graph[node]
+        name, mesh = str(geometry), scene.geometry[geometry].copy()
         mesh.apply_transform(matrix)
         found = names.get(KEY + name.removeprefix(KEY).partition("_")[0], (name,))
         material = getattr(getattr(mesh.visual, "material", None), "name", None)

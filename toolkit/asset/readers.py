@@ -179,6 +179,8 @@ CARRIER = Format("splats, cloud or density grid", (*_SPLATS, *_GRIDS, *_CLOUDS),
 def read_ply_surface(path: Path, data: bytes, references: References) -> AssetContent:
     """Read polygons as fans, strips as triangles; of a file without both its points."""
     import trimesh
+    from trimesh.visual import ColorVisuals, TextureVisuals
+    from trimesh.visual.material import SimpleMaterial
 
     ply = parse_ply(data)
     table = ply_points(ply)
@@ -210,12 +212,10 @@ def read_ply_surface(path: Path, data: bytes, references: References) -> AssetCo
     if not len(faces):
         return points_content(table, references.pruning)
     mesh = trimesh.Trimesh(points, faces, process=False, validate=False)
-    channels = [table.columns.get(name) for name in ("red", "green", "blue")]
+    channels = [table.columns[name] for name in ("red", "green", "blue") if name in table.columns]
     image = _ply_texture(ply.comments, references)
-    uv = [table.columns.get(name) for name in UV if name in table.columns][:2]
+    uv = [table.columns[name] for name in UV if name in table.columns][:2]
     if image is not None and (sum(map(len, skin)) == 3 * len(faces) or len(uv) == 2):
-        from trimesh.visual.material import SimpleMaterial
-
         if len(uv) == 2:
             places = np.column_stack(uv)
         else:  # places of the corners of faces: a vertex for each
@@ -223,11 +223,11 @@ def read_ply_surface(path: Path, data: bytes, references: References) -> AssetCo
             corners = points[faces].reshape(-1, 3)
             mesh = trimesh.Trimesh(corners, flat, process=False, validate=False)
             places = np.concatenate(skin)
-        mesh.visual = trimesh.visual.TextureVisuals(uv=places, material=SimpleMaterial(image=image))
-    elif all(channel is not None for channel in channels):
-        mesh.visual = trimesh.visual.ColorVisuals(mesh, vertex_colors=np.column_stack(channels))  # type: ignore[arg-type]
+        mesh.visual = TextureVisuals(uv=places, material=SimpleMaterial(image=image))
+    elif len(channels) == 3:
+        mesh.visual = ColorVisuals(mesh, vertex_colors=np.column_stack(channels))
     elif sum(map(len, colours)) == len(faces):
-        mesh.visual = trimesh.visual.ColorVisuals(mesh, face_colors=np.concatenate(colours))
+        mesh.visual = ColorVisuals(mesh, face_colors=np.concatenate(colours))
     return AssetContent([NamedSurface(mesh)])
 
 

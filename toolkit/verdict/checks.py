@@ -149,8 +149,9 @@ def first_frequency(modes: Modes | None, why: str = "") -> Check:
     under, outcome = Note("checks.under_load") if modes.loaded else "", _passed(value >= WOBBLES)
     told = {"value": value, "limit": WOBBLES, "under": under}
     said = Note("checks.is_stiff" if value >= WOBBLES else "checks.wobbles", **told)
-    if modes.free:
-        outcome, said = "failed", Note("checks.moves_freely", ways=modes.free, **told)
+    if modes.free and modes.held:
+        ways = ", ".join(modes.free)
+        outcome, said = "failed", Note("checks.moves_freely", ways=ways, **told)
     elif modes.order == 1 and value >= WOBBLES:
         outcome, said = "doubtful", Note("checks.stiff_by_linear", **told)
     elif value >= WOBBLES > (1 - SAFETY * modes.error) * value:
@@ -353,9 +354,12 @@ def contact_forces(motion: MotionResult, names: Sequence[str]) -> Check:
     impact, pressures = motion.impact, motion.largest_pressures
     if impact is not None and forces.any():
         forces = np.maximum(forces, impact.forces)
-        if why := impact.unresolved:
-            told = {"lost": impact.lost, "barrier": impact.barrier}
-            why = Note(f"checks.unresolved_{why}", **told)
+        if kind := impact.unresolved:
+            why = {
+                "time": Note("checks.unresolved_time", lost=impact.lost),
+                "surface": Note("checks.unresolved_surface", barrier=impact.barrier),
+                "force": Note("checks.unresolved_force"),
+            }[kind]
             return Check("contact", "not made", Note("checks.press_unknown", why=why), why=why)
     pressed: list[str] = []
     for k, force in enumerate(forces):

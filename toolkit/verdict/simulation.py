@@ -14,6 +14,7 @@ from jaxtyping import Float
 
 from ...fem.laws.law import LAWS
 from ...fem.mesh import TetMesh, piece_names
+from ...fem.note import Note
 from ...fem.reactions import reactions
 from ...fem.safety import PartStresses, Safety, part_safety, part_stresses
 from ...fem.scene.loads import resultant
@@ -446,7 +447,14 @@ class ModalSimulation(Simulation):
     def numbers(self) -> dict[str, Any]:
         """Frequencies [Hz] and the residual of the eigensolver."""
         known = {"frequencies": self.frequencies, "residual": self.modes.residual}
-        return {**known, "intervals": self.intervals}
+        return {**known, "free": self.modes.free, "intervals": self.intervals}
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What was assumed, and what moves freely."""
+        names = ", ".join(dict.fromkeys(self.modes.free))
+        free = (Note("checks.free_motions", names=names),) if names else ()
+        return (*self.scene.warnings, *free)
 
     @cached_property
     def intervals(self) -> dict[str, Any] | None:
