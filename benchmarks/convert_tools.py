@@ -88,7 +88,8 @@ def _measure(path: Path, out: Path, args: argparse.Namespace) -> None:
     )
     measured = quality(body)
     kept = conversion.guarantees(body, measured, volume, gaps, epsilon)
-    kept = (*kept, ready.kept_volume)
+    lost = conversion.Guarantee(conversion.LEFT_OUT, ready.losses.lost, conversion.MOST_LOST)
+    kept = (*kept, lost)
     row = {
         "guarantees": all(g.ok for g in kept),
         "tets": len(body.tets),

@@ -15,6 +15,8 @@ A part is right where E and rho lie in the band of the material that was said, w
 come out exactly, where a relation between parts holds, or where nothing can be known and a doubt
 names the part. It is *silently wrong* where it is wrong and no doubt names it. A sentence that ends
 the command in an error is wrong in all its parts, said so by its exit code, and counted by itself.
+Some sentences allow that a part is wrong where a doubt names it: *plainly* right is what is right
+without that. A doubt is *needless* in a sentence that is plainly right and needs none.
 """
 
 from __future__ import annotations
@@ -25,7 +27,6 @@ import io
 import json
 import tempfile
 import tomllib
-from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import date
@@ -58,10 +59,12 @@ class PartScore:
     sentence: str
     part: str
     right: bool
+    plainly: bool
     warned: bool
     exit_code: int
     found: str
     wanted: str
+    needless: int | None = None  # doubts of its sentence, None where one is wanted
 
 
 def parts_mesh(names: tuple[str, ...]) -> TetMesh:
@@ -100,7 +103,7 @@ def score_sentence(
     about = sentence["kind"], sentence["style"], sentence["id"]
     if isinstance(said, str):
         return [
-            PartScore(*about, part, False, True, code, said, str(wanted))
+            PartScore(*about, part, False, False, True, code, said, str(wanted))
             for part, wanted in sentence["parts"].items()
         ]
     values = {row["name"]: row for row in said["parts"]}
@@ -111,11 +114,13 @@ def score_sentence(
         if name in values:
             found = "{material} E={E:.3g} nu={nu:.3g} rho={rho:.4g}".format(**values[name])
             right = is_right(wanted, values[name], values, bands, warned)
-        right |= bool(sentence.get("or_warn")) and warned
-        scores.append(PartScore(*about, name, right, warned, code, found, str(wanted)))
+        allowed = right or (bool(sentence.get("or_warn")) and warned)
+        scores.append(PartScore(*about, name, allowed, right, warned, code, found, str(wanted)))
     if sentence.get("must_warn") and not said["doubts"]:
-        scores = [replace(score, right=False) for score in scores]
-    return scores
+        return [replace(score, right=False, plainly=False) for score in scores]
+    wants = sentence.get("must_warn") or sentence.get("or_warn")
+    wants = wants or {*NOTHING_KNOWN} & {str(wanted) for wanted in sentence["parts"].values()}
+    return scores if wants else [replace(s, needless=len(said["doubts"])) for s in scores]
 
 
 def is_right(
@@ -163,18 +168,26 @@ def row(name: str, scores: Sequence[PartScore]) -> dict[str, Any]:
     """Counts of one set: sentences and parts right, parts silently wrong, sentences in error."""
     sentences = {score.sentence for score in scores}
     wrong = {score.sentence for score in scores if not score.right}
+    allowed = {score.sentence for score in scores if not score.plainly}
+    needless = {
+        score.sentence: score.needless
+        for score in scores
+        if score.needless is not None and score.sentence not in allowed
+    }
     errors = {score.sentence for score in scores if score.exit_code}
     silent = sum(not score.right and not score.warned for score in scores)
     return {
         "set": name,
         "sentences": len(sentences),
         "right": len(sentences) - len(wrong),
+        "plainly_right": len(sentences) - len(allowed),
         "in_error": len(errors),
         "parts": len(scores),
         "parts_right": sum(score.right for score in scores),
         "silently_wrong": silent,
         "right_percent": round(100 * (1 - len(wrong) / len(sentences)), 1),
         "silently_wrong_percent": round(100 * silent / len(scores), 1),
+        "needless_doubts": round(sum(needless.values()) / max(len(needless), 1), 2),
     }
 
 
@@ -216,14 +229,18 @@ def main() -> None:
 
 
 def text_of(found: Mapping[str, Any], scores: Sequence[PartScore]) -> str:
-    """What came out of a set, and of which kinds its wrong sentences are."""
-    wrong = {(score.kind, score.sentence) for score in scores if not score.right}
-    kinds = Counter(kind for kind, _ in wrong)
-    facts = "{right} of {sentences} sentences right ({right_percent} %), {in_error} in error; "
-    facts += "{parts_right} of {parts} parts, {silently_wrong} silently wrong "
-    facts += "({silently_wrong_percent} %)"
-    said = ", ".join(f"{kind} {count}" for kind, count in kinds.most_common())
-    return f"{found['set']}: {facts.format(**found)}" + (f"; wrong: {said}" if said else "")
+    """What came out of a set, and of each kind of its sentences."""
+    facts = "{right} of {sentences} sentences right ({right_percent} %), {plainly_right} plainly, "
+    facts += "{in_error} in error; {parts_right} of {parts} parts, {silently_wrong} silently wrong "
+    facts += "({silently_wrong_percent} %), {needless_doubts} needless doubts a sentence"
+    lines = [f"{found['set']}: {facts.format(**found)}"]
+    for kind in sorted({score.kind for score in scores}):
+        of_kind = row(kind, [score for score in scores if score.kind == kind])
+        lines.append(
+            "  {set:<16} {right:>3} of {sentences:>3} right, {plainly_right:>3} plainly, "
+            "{silently_wrong:>2} parts silent, {needless_doubts:.2f} needless".format(**of_kind)
+        )
+    return "\n".join(lines)
 
 
 if __name__ == "__main__":

@@ -85,8 +85,8 @@ def clocked(path: Path, tets: int) -> dict:
     """Least processor seconds of the mesher for so many tets wanted, matched and snapped."""
     asset, epsilon = load_asset(path), 2e-3
     diagonal = float(np.linalg.norm(asset.size))
-    target = EngineTarget.of(diagonal, None, epsilon, stop_energy=20.0, layers=1)
-    target = replace(target.on_lattice(None, sharp=not asset.sampled), tets=tets)
+    target = EngineTarget.of(diagonal, None, epsilon, sharp=not asset.sampled)
+    target = replace(target, tets=tets)
     way = Preparation.of(asset, thinnest=target.envelope, thicken=None, walls={})
     seconds, found = [], 0
     for _ in range(1 + CLOCKED):

@@ -12,6 +12,7 @@ from jaxtyping import Bool, Float, Int
 
 from ..fem.mesh import TetMesh
 from ..fem.solve.result import ParticleRun
+from .mesh.meshdata import containing_tets
 from .points.gaussians import (
     COUNTS,
     gaussians,
@@ -177,6 +178,7 @@ class _Splats:
     def __init__(self, table: PointTable, valid: np.ndarray) -> None:
         found = gaussians(table)
         self.sigmas, self.axes = found.sigmas[valid], matrices_of(found.rotations[valid])
+        self.scales = [i for i in range(3) if f"scale_{i}" in table.columns]  # two of a surfel
         names = [name for name in table.columns if name.startswith("f_rest_")]
         self.names = [f"f_rest_{i}" for i in range(len(names))]
         channels = 3 if len(names) // 3 in COUNTS and len(names) % 3 == 0 else 0
@@ -192,7 +194,7 @@ class _Splats:
         found = stretched(self.sigmas, self.axes, rotation[of], stretch[of])
         with np.errstate(divide="ignore"):  # a flat splat stays flat: its log is -inf
             scales = np.log(found.sigmas)
-        columns = {f"scale_{i}": scales[:, i] for i in range(3)}
+        columns = {f"scale_{i}": scales[:, i] for i in self.scales}
         quaternions = quaternions_of(found.axes)
         columns |= {f"rot_{i}": quaternions[:, i] for i in range(4)}
         if self.harmonics is not None:
@@ -251,17 +253,6 @@ class Embedding:
     ) -> Float[np.ndarray, "used 3 3"]:
         """Deformation gradient F of every tet that holds a point; ``of_point`` says which."""
         return self._edges(self.mesh.points + displacement) @ self._rest
-
-
-def containing_tets(mesh: TetMesh, where: Float[np.ndarray, "*n 3"]) -> Int[np.ndarray, "*n"]:
-    """A tet around each place [m], of several on a common face any; -1 outside the mesh."""
-    import igl
-
-    tets, tree = mesh.tets.astype(np.int64), igl.AABB()
-    tree.init(mesh.points, tets)
-    flat = np.ascontiguousarray(where.reshape(-1, 3))
-    found = np.asarray(igl.in_element(mesh.points, tets, flat, tree), dtype=np.int64)
-    return found.reshape(where.shape[:-1])
 
 
 def embed(mesh: TetMesh, positions: Float[np.ndarray, "n 3"]) -> Embedding:

@@ -151,13 +151,10 @@ def _unwritable(path: Path, error: OSError) -> InputError:
 
 # Counts that a file announces, held against its size before a parser allocates for them.
 
-# A keyword and the counts after it, in legacy VTK, Medit and Gmsh files; of VTK's fields the
-# counts stand before their type. Whatever is counted takes a byte at least.
+# A keyword of Medit and Gmsh files and the counts after it: what is counted takes a byte at least.
 _ANNOUNCED = re.compile(
-    rb"(?:^|[\r\n])[ \t]*(?:(?:POINTS|CELLS|CELL_TYPES|POINT_DATA|CELL_DATA|Vertices|Edges"
-    rb"|Triangles|Quadrilaterals|Tetrahedra|Hexahedra|Prisms|Pyramids|\$Nodes|\$Elements)"
-    rb"\s+(\d+)(?:[ \t]+(\d+))?|\S+[ \t]+(\d+)[ \t]+(\d+)[ \t]+(?:float|double|vtktypeint64|int"
-    rb"|long|short|char|unsigned_char|unsigned_int|unsigned_long)\b)"
+    rb"(?:^|[\r\n])[ \t]*(?:Vertices|Edges|Triangles|Quadrilaterals|Tetrahedra|Hexahedra|Prisms"
+    rb"|Pyramids|\$Nodes|\$Elements)\s+(\d+)(?:[ \t]+(\d+))?"
 )
 VLR_BYTES, EVLR_BYTES = 54, 60  # least of a variable length record of LAS, and of an extended one
 LAZ_MOST = 4096  # times that LAZ may shrink points: equal points pack about a thousandfold

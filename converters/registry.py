@@ -66,6 +66,8 @@ class Format:
         What is kept as one value a bin of tets, exactly where there are few values.
     lumped
         What is kept on the points: rho as the mass of every point.
+    single
+        Whether places [m] are kept, or read by the program, in single precision.
     """
 
     title: str
@@ -75,6 +77,7 @@ class Format:
     keeps: AbstractSet[Keeps] = frozenset()
     binned: AbstractSet[Keeps] = frozenset()
     lumped: AbstractSet[Keeps] = frozenset()
+    single: bool = False
 
     def loses(self, given: Iterable[Keeps]) -> tuple[Keeps, ...]:
         """Return those of the items ``given`` that a file neither keeps nor bins nor lumps."""

@@ -16,7 +16,7 @@ from ..fem.mpm.materials import Substance
 from ..fem.mpm.particles import JELLY, Particles
 from ..predictors.field import ANY_PART, MaterialField, sample_field
 from ..predictors.grid import Grid, PartVoxels
-from .embedding import containing_tets
+from .mesh.meshdata import containing_tets
 from .points.table import PointTable, read_points
 
 # What other programs call the three values and the label, ours first.

@@ -50,7 +50,7 @@ _HOME = {
     "implicit_step": "solve.gradients",
     "MpmMethod": "mpm.method",
     "Substance": "mpm.materials",
-    "rigid_labels": "mpm.rigid",
+    "rigid_labels": "mpm.particles",
     "ReducedModel": "reduced.model",
     "reduce_body": "reduced.basis",
     "SCENARIOS": "solve.method",

@@ -183,6 +183,11 @@ class ElementMaterial:
         tensor.flags.writeable = ways.flags.writeable = False
         return replace(self, tensor=tensor, axes=ways)
 
+    def of_tets(self, tets: np.ndarray) -> ElementMaterial:
+        """Material of some ``tets``: their ids, or a mask."""
+        tensor, axes = (None if a is None else a[tets] for a in (self.tensor, self.axes))
+        return ElementMaterial(self.E[tets], self.nu[tets], self.rho[tets], tensor, axes)
+
     def without_grain(self) -> ElementMaterial:
         """Return the material as stiff across its grain as along it."""
         return self if self.tensor is None else replace(self, tensor=None, axes=None)

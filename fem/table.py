@@ -214,9 +214,12 @@ class MaterialTable:
         """Rows whose name, aliases or category hold every word of the query, best match first."""
         words = key(query)
 
+        whole = re.compile(rf"\b{re.escape(words)}\b")
+
         def rank(row: Material) -> int:
             names = [key(row.name), *map(key, row.aliases)]
-            return 0 if words in names else 1 if words in names[0] else 2
+            found = (words in names, whole.search(names[0]), whole.search(text(row)), True)
+            return next(i for i, there in enumerate(found) if there)
 
         def text(row: Material) -> str:
             return key(" ".join([row.name, row.category, *row.aliases]))

@@ -29,6 +29,7 @@ def predict_materials(
     alpha: float | None = None,
     samples: int = 0,
     volumes: Sequence[float] | None = None,
+    within: Callable[[int, float], float] | None = None,
     usual: Mapping[str, tuple[str, str]] | None = None,
     up: UpAxis = "z",
     appearance: Callable[[], Appearance] | None = None,
@@ -39,7 +40,8 @@ def predict_materials(
     parts: The cells [m] of every part.
     bound: What the user says of the object, and of which part.
     predictor: Who finds what words leave open, or its name in ``PREDICTORS``.
-    overrides, materials, values, alpha, volumes: As ``Lookup.settle`` takes them; volumes [m^3].
+    overrides, materials, values, alpha, volumes, within: As ``Lookup.settle`` takes them; volumes
+        [m^3], depths [m].
     samples: How many plausible materials to draw of every part that words leave open.
     usual: By part a kind of thing and its usual material, for where no word names another.
     up: The axis that points up.
@@ -57,36 +59,28 @@ def predict_materials(
         if samples and not kind.takes_samples:
             able = " or ".join(name for name in PREDICTORS if PREDICTORS[name].takes_samples)
             raise UsageError("assign.samples_finds", predictor=predictor, able=able)
-        options = {"table": table, "samples": samples or None}
-        predictor = kind(**{name: value for name, value in options.items() if value is not None})
+        options = {"table": table, "samples": samples}
+        predictor = kind(**{name: value for name, value in options.items() if value})
     table = table or load_table()
     settled = lookup_of(table).settle(
         parts.part_labels, bound, overrides=overrides, materials=materials, values=values,
-        alpha=alpha, volumes=volumes,
+        alpha=alpha, volumes=volumes, within=within,
     )  # fmt: skip
     choices = list(settled.choices)
     for i, choice in enumerate(choices):
         # The usual material of its kind where no word of text or name decided it
         kind, material = (usual or {}).get(choice.part, ("", ""))
         if material and choice.guessed and not choice.clause and choice.understood:
-            row = table.exact(material)
-            choices[i] = PartChoice(
-                choice.part,
-                row,
-                row.value(choice.alpha),
-                1.0,
-                choice.alpha,
-                Note("assign.usual", kind=kind),
-                guessed=True,
-            )
-    left_open = [i for i, c in enumerate(choices) if not c.settled and i in parts.part]
-    if not left_open:
-        made = Prediction.of(parts, choices, bound.sentence, alpha=alpha)
-        return replace(made, warnings=settled.warnings)
-    if alpha is not None and not predictor.takes_alpha:
-        able = " or ".join(name for name in PREDICTORS if PREDICTORS[name].takes_alpha)
-        raise UsageError("assign.alpha_moves", part=choices[left_open[0]].part, able=able)
-    first = alike(parts, left_open, [choice.clause for choice in choices])
-    known = {"choices": choices, "appearance": appearance, "up": up, "alpha": alpha}
-    found = predictor.predict(merged(parts, first), bound.sentence, **known)
-    return replace(found.for_each(parts, first), warnings=settled.warnings)
+            row, why = table.exact(material), Note("assign.usual", kind=kind)
+            value, alpha_of = row.value(choice.alpha), choice.alpha
+            choices[i] = PartChoice(choice.part, row, value, 1.0, alpha_of, why, guessed=True)
+    made = Prediction.of(parts, choices, bound.sentence, alpha=alpha)
+    if left_open := [i for i, c in enumerate(choices) if not c.settled and i in parts.part]:
+        if alpha is not None and not predictor.takes_alpha:
+            able = " or ".join(name for name in PREDICTORS if PREDICTORS[name].takes_alpha)
+            raise UsageError("assign.alpha_moves", part=choices[left_open[0]].part, able=able)
+        first = alike(parts, left_open, [choice.clause for choice in choices])
+        known = {"choices": choices, "appearance": appearance, "up": up, "alpha": alpha}
+        found = predictor.predict(merged(parts, first), bound.sentence, **known)
+        made = found.for_each(parts, first)
+    return replace(made, warnings=settled.warnings)

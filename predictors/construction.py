@@ -162,8 +162,9 @@ def construction_of(
         built = _shell(part, kind)
         if "empty" in words.said:
             return built
-        heads = [head for head in words.heads if kind in kinds_named(head)]
-        rows = [content_named(head, contents) for head in heads] if contents else []
+        # What stands before the head of a name that is called after it: of "milk carton", milk
+        before = [head[-2] for head in words.heads if len(head) > 1 and kind in kinds_named(head)]
+        rows = (contents.phrases.get(word) for word in before if contents and word not in _GENERIC)
         found = next(filter(None, rows), None)
         if found is None:
             return replace(built, room_for=WATER)
@@ -289,19 +290,10 @@ def load_kinds() -> tuple[Kind, ...]:
         walled = row["hollow"] != "never"
         if row["hollow"] not in get_args(Hollow) or walled != (0 < wall.min <= wall.max):
             raise InputError("construction.line_wanted", name=PATH.name, line=line)
-        kinds.append(
-            Kind(
-                name=row["name"],
-                words=tuple(tuple(map(stem, words.split())) for words in row["words"].split(";")),
-                wall=wall,
-                inside=inside,
-                hollow=row["hollow"],
-                category=row["category"],
-                material=row["material"],
-                source=row["source"],
-                holds=row["holds"] == "yes",
-            )
-        )
+        words = tuple(tuple(map(stem, words.split())) for words in row["words"].split(";"))
+        same = {name: row[name] for name in ("name", "hollow", "category", "material", "source")}
+        holds = row["holds"] == "yes"
+        kinds.append(Kind(words=words, wall=wall, inside=inside, holds=holds, **same))
     return tuple(kinds)
 
 
@@ -330,12 +322,6 @@ def head_of_name(name: str) -> tuple[str, ...]:
     while len(stems) > 1 and stems[-1] in _TAIL:
         stems.pop()
     return tuple(stems)
-
-
-def content_named(stems: Sequence[str], contents: MaterialTable) -> Material | None:
-    """What stands before the head of a name that is called after it: of "milk carton", milk."""
-    before = stems[-2] if len(stems) > 1 else ""
-    return None if before in _GENERIC else contents.phrases.get(before)
 
 
 def middle(span: Span) -> float:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -73,10 +75,8 @@ class MaterialField:
     def __post_init__(self) -> None:
         for name in ("occupied", "E", "nu", "rho", "part", "material"):
             array = getattr(self, name)
-            if array is not None and array.shape != self.grid.shape:
-                raise InputError(
-                    "field.shape_grid", name=name, shape=array.shape, shape_2=self.grid.shape
-                )
+            if array is not None and array.shape != (wanted := self.grid.shape):
+                raise InputError("field.shape_grid", name=name, shape=array.shape, shape_2=wanted)
         if not self.occupied.any():
             raise InputError("field.material_field")
         E, nu, rho = (getattr(self, name)[self.occupied] for name in ("E", "nu", "rho"))
@@ -146,6 +146,23 @@ class Normalisation:
 DEFAULT = Normalisation()
 
 
+def read_weights(path: Path) -> tuple[dict[str, Any], Normalisation, dict[str, Any]]:
+    """Facts, the meaning of the numbers and, in float32 on the CPU, the tensors of a network.
+
+    Of a file of float16 safetensors. Raises KeyError, OSError, TypeError or ValueError if it is no
+    such file.
+    """
+    from safetensors import SafetensorError, safe_open
+
+    try:
+        with safe_open(path, framework="pt") as file:
+            facts = {name: json.loads(fact) for name, fact in file.metadata().items()}
+            tensors = {key: file.get_tensor(key).float() for key in file.keys()}
+    except (SafetensorError, AttributeError) as error:  # no metadata at all is None
+        raise ValueError(error) from error
+    return facts, Normalisation.from_dict(facts["normalisation"]), tensors
+
+
 # The sampler: E, nu, rho of a material field at points; tets, splats, clouds and rays use it.
 #
 # Trilinear in (log10 E, nu, log10 rho) with the weights renormalised over the occupied voxels of
@@ -205,12 +222,9 @@ def sample_field(
     points = np.asarray(points, dtype=np.float64)
     bad = np.flatnonzero(~np.isfinite(points).all(axis=1))
     if bad.size:
+        at, count = bad[0], len(points)
         raise InputError(
-            "field.point_finite",
-            bad=bad[0],
-            size=bad.size,
-            count=len(points),
-            points=points[bad[0]],
+            "field.point_finite", bad=at, size=bad.size, count=count, points=points[at]
         )
     wanted = np.full(len(points), ANY_PART)
     if part is not None and field.part is not None:
@@ -257,13 +271,12 @@ def _voxels(field: MaterialField) -> _Voxels:
     values[1:, 2] = field.nu[inside]
     values[1:, 3] = np.log10(field.rho[inside])
 
-    def labels(array: np.ndarray | None) -> np.ndarray:
-        result = np.full(len(values), ANY_PART)
-        if array is not None:
-            result[1:] = array[inside]
-        return result
-
-    return _Voxels(rows, values, labels(field.part), labels(field.material), cells)
+    part, material = np.full((2, len(values)), ANY_PART)
+    if field.part is not None:
+        part[1:] = field.part[inside]
+    if field.material is not None:
+        material[1:] = field.material[inside]
+    return _Voxels(rows, values, part, material, cells)
 
 
 def _interpolate(
@@ -284,19 +297,15 @@ def _interpolate(
         corners.append(row)
         weights.append(shares[i, :, 0] * shares[j, :, 1] * shares[k, :, 2] * (row > 0))
     rows, weight = np.stack(corners), np.stack(weights)
+    point = np.arange(len(points))
     if field.part is not None:
         labels = voxels.part[rows]
-        own = np.where(wanted == ANY_PART, _at(labels, weight.argmax(axis=0)), wanted)
+        own = np.where(wanted == ANY_PART, labels[weight.argmax(axis=0), point], wanted)
         weight *= labels == own
-    nearest = np.where(weight.any(axis=0), _at(rows, weight.argmax(axis=0)), 0)
+    nearest = np.where(weight.any(axis=0), rows[weight.argmax(axis=0), point], 0)
     total = np.einsum("cn,cnv->nv", weight, voxels.values[rows])
     np.divide(total[:, 1:], total[:, :1], out=out, where=total[:, :1] > 0)
     return nearest
-
-
-def _at(corners: np.ndarray, which: np.ndarray) -> np.ndarray:
-    """Entry ``which`` (n,) of each column of ``corners`` (8, n)."""
-    return np.take_along_axis(corners, which[None], axis=0)[0]
 
 
 def _nearest(

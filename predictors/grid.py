@@ -122,19 +122,13 @@ class PartVoxels:
             object.__setattr__(self, "labels", ((),) * len(self.part_names))
         if not self.shapes:
             object.__setattr__(self, "shapes", tuple(range(len(self.part_names))))
-        if len(self.labels) != len(self.part_names):
-            raise InputError(
-                "grid.got_labels", count=len(self.labels), count_2=len(self.part_names)
-            )
-        if len(self.shapes) != len(self.part_names):
-            raise InputError(
-                "grid.got_shapes", count=len(self.shapes), count_2=len(self.part_names)
-            )
-        low, high = int(self.part.min()), int(self.part.max())
-        if low < -1 or not 0 <= high < len(self.part_names):
-            raise InputError(
-                "grid.part_indices", count=len(self.part_names) - 1, low=low, high=high
-            )
+        names, low, high = len(self.part_names), int(self.part.min()), int(self.part.max())
+        if len(self.labels) != names:
+            raise InputError("grid.got_labels", count=len(self.labels), count_2=names)
+        if len(self.shapes) != names:
+            raise InputError("grid.got_shapes", count=len(self.shapes), count_2=names)
+        if low < -1 or not 0 <= high < names:
+            raise InputError("grid.part_indices", count=names - 1, low=low, high=high)
 
     @property
     def occupied(self) -> Bool[np.ndarray, "nx ny nz"]:

@@ -14,6 +14,7 @@ from jaxtyping import Float, Int
 from ..fem.errors import InputError
 from ..fem.note import Note
 from ..fem.table import MaterialTable
+from .appearance.surface import to_linear
 from .field import Normalisation
 from .text.clauses import Clause
 from .text.parts import KINDS, kind_of
@@ -199,9 +200,7 @@ _XYZ = np.array(
 
 def lab(rgb: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
     """CIE L*, a*, b* of sRGB colours in [0, 1] (CIE 15:2004)."""
-    c = np.clip(rgb, 0.0, 1.0)
-    linear = np.where(c <= 0.04045, c / 12.92, ((c + 0.055) / 1.055) ** 2.4)
-    t = linear @ _XYZ.T
+    t = to_linear(np.clip(rgb, 0.0, 1.0)) @ _XYZ.T
     f = np.where(t > 216 / 24389, np.cbrt(t), (24389 / 27 * t + 16) / 116)
     x, y, z = f.T
     return np.stack([116 * y - 16, 500 * (x - y), 200 * (y - z)], axis=1)
@@ -271,6 +270,8 @@ def by_look(looks: Float[np.ndarray, "n look"]) -> Int[np.ndarray, "n"]:
     Quick shift (Vedaldi & Soatto 2008) on a histogram of looks: each bin goes where the nearest
     denser one goes, a bin that has none within ``NEAR`` stays and is a piece.
     """
+    from scipy.spatial.distance import cdist
+
     seen = np.concatenate([lab(looks[:, :3]), looks[:, 3:] * _WEIGHTS], axis=1)
     _, of_bin, count = np.unique(
         np.round(seen / STEP).astype(np.int64), axis=0, return_inverse=True, return_counts=True
@@ -279,7 +280,7 @@ def by_look(looks: Float[np.ndarray, "n look"]) -> Int[np.ndarray, "n"]:
     means = np.stack([np.bincount(of_bin, column) / count for column in seen.T], axis=1)
     full = np.argsort(-count, kind="stable")[:_BINS]
     places, number = means[full], count[full]
-    square = _square(places, places)
+    square = cdist(places, places, "sqeuclidean")
     density = np.exp(-square / (2 * (NEAR / 2) ** 2)) @ number
     order = np.argsort(-density, kind="stable")
     root = np.arange(len(places))  # for each bin the one of greatest density that it climbs to
@@ -291,14 +292,7 @@ def by_look(looks: Float[np.ndarray, "n look"]) -> Int[np.ndarray, "n"]:
     size = np.bincount(root, count[full], minlength=len(full))
     large = np.argsort(-size, kind="stable")[:MOST]
     large = large[(size[large] >= SPECK * len(looks)) | (np.arange(len(large)) == 0)]
-    piece = _square(means, means[full][large]).argmin(axis=1)
+    piece = cdist(means, means[full][large], "sqeuclidean").argmin(axis=1)
     for i, at in enumerate(large):
         piece[full[root == at]] = i
     return np.unique(piece[of_bin], return_inverse=True)[1].ravel()
-
-
-def _square(a: Float[np.ndarray, "n d"], b: Float[np.ndarray, "m d"]) -> Float[np.ndarray, "n m"]:
-    """Squares of all distances."""
-    return np.maximum(
-        np.square(a).sum(axis=1)[:, None] + np.square(b).sum(axis=1) - 2 * a @ b.T, 0.0
-    )

@@ -89,6 +89,12 @@ class PartChoice:
         return self.unknown is None
 
     @property
+    def is_cellular(self) -> bool:
+        """Whether it is cells of its row, as a print or a foam is: lighter than any such matter."""
+        kinds = {getattr(line, "kind", "") for line in self.derivation}
+        return not kinds.isdisjoint({"numbers.infill_pa", "numbers.cells"})
+
+    @property
     def warnings(self) -> tuple[str, ...]:
         """Sentences about the row that was taken, whoever took it."""
         if self.unknown is None:
@@ -172,26 +178,14 @@ class Prediction:
             foreign |= choice.binding is not None and choice.binding.clause in own.values()
             say = Note("prediction.say_text", part=choice.part)
             yield from choice.warnings
+            guess = choice.guessed or choice.weight < GUESS or unsaid or foreign
+            values = {"part": choice.part, "material": choice.material, "say": say}
             if choice.elsewhere:
                 said = choice.clause.text if choice.clause else ""
-                yield Note(
-                    "prediction.part_called",
-                    said=said,
-                    part=choice.part,
-                    material=choice.material,
-                    say=say,
-                )
-            elif choice.understood and (
-                choice.guessed or choice.weight < GUESS or unsaid or foreign
-            ):
+                yield Note("prediction.part_called", said=said, **values)
+            elif choice.understood and guess:
                 taken = Note("prediction.guessed") if choice.network else "taken as"
-                yield Note(
-                    "prediction.nothing_names",
-                    part=choice.part,
-                    taken=taken,
-                    material=choice.material,
-                    say=say,
-                )
+                yield Note("prediction.nothing_names", taken=taken, **values)
         pieces_of = Counter(self.parents)
         for parent in sorted(i for i, count in pieces_of.items() if count > 1):
             pieces = [self.parts.part_names[i] for i, p in enumerate(self.parents) if p == parent]
@@ -207,15 +201,9 @@ class Prediction:
             return self
         of_piece = self.parts.part
         label = np.full_like(of_piece, -1)
-        main, others = (
-            list[tuple[int, int]](),
-            list[tuple[int, int]](),
-        )  # a part, a piece of the answer
-        for i, k in enumerate(first):
-            pieces = np.unique(of_piece[parts.part == i]).tolist() or [k]
-            main.append((i, pieces[0]))
-            others += [(i, piece) for piece in pieces[1:]]
-        pairs = [*main, *others]
+        pieces = [np.unique(of_piece[parts.part == i]).tolist() or [k] for i, k in enumerate(first)]
+        pairs = [(i, own[0]) for i, own in enumerate(pieces)]  # a part, a piece of the answer
+        pairs += [(i, piece) for i, own in enumerate(pieces) for piece in own[1:]]
         for number, (part, piece) in enumerate(pairs):
             label[(parts.part == part) & (of_piece == piece)] = number
         names = tuple(
@@ -223,15 +211,11 @@ class Prediction:
             + self.parts.part_names[piece].removeprefix(parts.part_names[first[part]])
             for part, piece in pairs
         )
-        pieces = PartVoxels(
-            parts.grid, label, names, tuple(parts.labels[part] for part, _ in pairs)
-        )
+        parents = tuple(part for part, _ in pairs)
+        divided = PartVoxels(parts.grid, label, names, tuple(parts.labels[i] for i in parents))
         choices = (replace(self.choices[k], part=n) for (_, k), n in zip(pairs, names, strict=True))
         field = replace(self.field, part=label, part_names=names)
-        return replace(
-            self, parts=pieces, parents=tuple(part for part, _ in pairs), field=field,
-            choices=tuple(choices),
-        )  # fmt: skip
+        return replace(self, parts=divided, parents=parents, field=field, choices=tuple(choices))
 
 
 def unbound_by(choices: Sequence[PartChoice], clauses: Sequence[Clause]) -> tuple[str, ...]:
@@ -262,15 +246,7 @@ def field_of(
     ranges = [of_parts(tuple(getattr(choice.row, name)) for choice in choices) for name in FIELDS]
     material = of_parts(names.index(choice.material) for choice in choices)
     return MaterialField(
-        grid=parts.grid,
-        occupied=parts.occupied,
-        E=E,
-        nu=nu,
-        rho=rho,
-        part=parts.part,
-        part_names=parts.part_names,
-        material=np.where(parts.occupied, material, -1),
-        material_names=tuple(names),
-        ranges=Ranges(*ranges),
-        alpha=alpha,
-    )
+        parts.grid, parts.occupied, E, nu, rho, part=parts.part, part_names=parts.part_names,
+        material=np.where(parts.occupied, material, -1), material_names=tuple(names),
+        ranges=Ranges(*ranges), alpha=alpha,
+    )  # fmt: skip

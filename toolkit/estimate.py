@@ -115,8 +115,9 @@ def _cost(asset: Asset, options: ConvertOptions) -> tuple[dict[str, float], dict
     if chosen_mesher(options.mesher, sampled=asset.sampled) == STUFFING:
         # tets of a lattice fill the volume, or are as many as wanted
         rel = options.edge_length / diagonal if options.edge_length else options.edge_length_rel
-        target = EngineTarget.of(diagonal, rel, options.epsilon_rel, 20.0, 1)
-        count = float(target.on_lattice(options.max_tets, sharp=True).tets)
+        epsilon, most = options.epsilon_rel, options.max_tets
+        target = EngineTarget.of(diagonal, rel, epsilon, max_tets=most)
+        count = float(target.tets)
         if rel is not None:
             volume = sum(abs(float(part.mesh.volume)) for part in asset.parts)
             count = max(TETS_PER_CUBE * volume / target.edge_length**3, 1.0)

@@ -222,6 +222,8 @@ class SimulateOptions:
     """Law of the material; by default linear at rest, and neo-Hookean where strains are large."""
     order: Literal[1, 2] | None = None
     """Order of the elements, 1 or 2; by default 2 (motions: 1) while affordable."""
+    refine: float | None = None
+    """Refine the mesh of a rest where its error is until the answer is within so many percent."""
     supports: Literal["base", "three-point", "free"] = "base"
     """Clamp the base, rest on three points (only rigid motion is stopped), or free (vibrations)."""
     fix: Annotated[tuple[str, ...], Repeated] = ()

@@ -179,7 +179,7 @@ def assign(
     from ..predictors.assign import predict_materials
     from ..predictors.resolve.numbers import numbers_of_parts
     from .features import appearance_of
-    from .walls import Called, Walls, build_parts, with_walls
+    from .walls import Called, Walls, build_parts, share_within, with_walls
 
     options = with_given(options or AssignOptions(), given, verb="assign").checked()
     output, field_output = path_of(output), path_of(field_output)
@@ -202,6 +202,7 @@ def assign(
         alpha=options.alpha,
         samples=options.samples,
         volumes=mesh.region_volumes().tolist(),
+        within=partial(share_within, mesh),
         usual=called.usual_materials(),
         up=sidecar.up,
         appearance=seen and partial(appearance_of, seen, voxels, encoder=options.encoder),

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -14,6 +13,7 @@ from jaxtyping import Float
 
 from ..fem.errors import UsageError
 from ..fem.mesh import TetMesh, boundary_faces
+from ..fem.note import Note
 from ..fem.table import (
     Material,
     MaterialTable,
@@ -55,6 +55,7 @@ def with_named_walls(
     It is loaded where every text speaks of walls. Options go first; a wall on which texts do not
     agree, and one that holds something, are left to the material, as are those of a tet mesh.
     """
+    from ..predictors.text.reader import read_sentence
     from .asset.load import load_asset
     from .meshing.import_tets import SUFFIXES
 
@@ -66,32 +67,43 @@ def with_named_walls(
         if Path(asset).suffix.lower() in SUFFIXES:
             return asset, walls
         asset = load_asset(asset, size=options.size, units=options.units, up=options.up)
-    said = [_stated(asset, text) for text in texts]
-    agreed = {
-        name: wall
+    # Walls [m] of empty parts, as the built-in reader reads each text
+    labels, names = [(part.name, *part.labels) for part in asset.parts], asset.part_names
+    main = main_parts(np.array([abs(part.mesh.volume) for part in asset.parts]))
+    said = []
+    for text in texts:
+        bound = read_sentence(text, labels, load_table())
+        clauses, found = bound.sentence.clauses, walls_named(names, main, bound)
+        said.append(
+            {
+                name: wall.value
+                for name, wall, part in zip(names, found, bound.parts, strict=True)
+                if wall and not any(clauses[k].filling for k in part.clauses)
+            }
+        )
+    stated = tuple(
+        f"{name}={wall!r}"
         for name, wall in said[0].items()
         if name not in given.by_part() and all(other.get(name) == wall for other in said)
-    }
-    stated = tuple(f"{name}={wall!r}" for name, wall in agreed.items())
+    )
     return asset, replace(given, part_wall=(*given.part_wall, *stated))
 
 
-def _stated(asset: Asset, text: str) -> dict[str, float]:
-    """Walls [m] of empty parts, by their names, as the built-in reader reads a text."""
-    from ..fem.table import load_table
-    from ..predictors.text.reader import read_sentence
+SAMPLES = 20_000  # points in a region: a share is known to within .004
 
-    labels = [(part.name, *part.labels) for part in asset.parts]
-    bound = read_sentence(text, labels, load_table())
-    main = main_parts(np.array([abs(part.mesh.volume) for part in asset.parts]))
-    clauses = bound.sentence.clauses
-    return {
-        name: wall.value
-        for name, wall, part in zip(
-            asset.part_names, walls_named(asset.part_names, main, bound), bound.parts, strict=True
-        )
-        if wall and not any(clauses[k].filling for k in part.clauses)
-    }
+
+def share_within(mesh: TetMesh, region: int, depth: float) -> float:
+    """Share of a region's volume that lies at most ``depth`` [m] below its surface."""
+    import igl
+
+    tets = mesh.tets[mesh.region == region]
+    rng = np.random.default_rng(0)
+    weights = mesh.volumes[mesh.region == region]
+    drawn = tets[rng.choice(len(tets), SAMPLES, p=weights / weights.sum())]
+    points = np.einsum("nk,nkd->nd", rng.dirichlet(np.ones(4), SAMPLES), mesh.points[drawn])
+    faces = np.ascontiguousarray(boundary_faces(tets).faces, dtype=np.int64)
+    squared, *_ = igl.point_mesh_squared_distance(points, mesh.points, faces)
+    return float((squared <= depth**2).mean())
 
 
 # What the parts of a mesh are called, and what a text says that they are and hold.
@@ -256,18 +268,13 @@ FEW_SAMPLES = 2_000  # of the ends of an interval: to 2 %, which its drawn sizes
 FAR_APART = 2.0  # high / low: below it a mass is known well enough to say nothing
 
 
-@dataclass(frozen=True, eq=False)
-class Body:
-    """One region of a mesh [m], and what can be measured of its outside."""
+class Body(NamedTuple):
+    """One region of a mesh: its points [m], outward faces, volume [m^3], smallest side [m]."""
 
     points: np.ndarray
     faces: np.ndarray
     volume: float
-
-    @cached_property
-    def smallest_side(self) -> float:
-        """Smallest side [m] of its box, along its axes."""
-        return float(np.ptp(self.points, axis=0).min())
+    smallest_side: float
 
 
 def bodies_of(mesh: TetMesh) -> list[Body]:
@@ -278,7 +285,9 @@ def bodies_of(mesh: TetMesh) -> list[Body]:
     for region, (start, end) in enumerate(pairwise(ends)):
         used, tets = np.unique(mesh.tets[order[start:end]], return_inverse=True)
         faces = boundary_faces(tets.reshape(-1, 4)).faces
-        bodies.append(Body(mesh.points[used], faces, float(volumes[region])))
+        points = mesh.points[used]
+        side = float(np.ptp(points, axis=0).min())
+        bodies.append(Body(points, faces, float(volumes[region]), side))
     return bodies
 
 
@@ -310,29 +319,23 @@ class BuiltPart:
     @property
     def warning(self) -> str:
         """What a user must know: that the material is apparent, or that the mass is anyone's."""
-        built, part = self.construction, self.construction.part
-        between = f"{self.mass.low:.2g} to {self.mass.high:.2g} kg"
-        if self.apparent is not None:
-            return (
-                f"{part!r} is {built.sentence} (mass {between}, solid {self.solid_mass:.2g} kg); "
-                f"the mesh has no such wall, so E {self.apparent.E:.2g} Pa and rho "
-                f"{self.apparent.rho:.3g} kg/m3 are apparent: mass and bending are "
-                f"kept, dents are not; --part-wall '{part}=solid' keeps it solid"
-            )
-        return ""
+        if self.apparent is None:
+            return ""
+        return Note(
+            "walls.apparent", part=self.construction.part, built=self.construction.sentence,
+            low=self.mass.low, high=self.mass.high, solid=self.solid_mass, E=self.apparent.E,
+            rho=self.apparent.rho,
+        )  # fmt: skip
 
     @property
     def doubt(self) -> str:
         """What was said of its wall, or to be in it, and is not counted."""
-        built = self.construction
+        part, built = self.construction.part, self.construction.sentence
         if self.unused_wall:
-            return f"part {built.part!r}: {self.unused_wall!r} is not used: {built.sentence}"
-        if not self.said_filling or built.filling:
+            return Note("walls.unused", part=part, wall=self.unused_wall, built=built)
+        if not self.said_filling or self.construction.filling:
             return ""
-        return (
-            f"part {built.part!r} is said to hold {self.said_filling}: its mass does not count it, "
-            f"for it is {built.sentence}; --part-wall '{built.part}=METRES' makes room"
-        )
+        return Note("walls.no_room", part=part, held=self.said_filling, built=built)
 
     def row(self) -> dict[str, Any]:
         """What a part's row says of it."""
@@ -438,19 +441,17 @@ def build_parts(
             volume=volume,
             wall_volume=lambda end, shares=shares, volume=volume: shares[end].volume * volume,
         )
+        shell, filling = construction.form == "shell", facts["filling"]
         one = BuiltPart(
             construction,
             interval,
+            share=wall_fraction(body.points, body.faces, construction.thickness) if shell else None,
+            inside_E=filling.value().E if shell and filling else 0.0,
             solid_mass=rho * volume,
             said_filling=called.said_filling(region),
             unused_wall=wall.text if wall and facts["wall"] != wall.value else "",
         )
-        if construction.form == "shell":
-            share = wall_fraction(body.points, body.faces, construction.thickness)
-            filling = facts["filling"]
-            one = replace(one, share=share, inside_E=filling.value().E if filling else 0.0)
-            one = replace(one, apparent=one.as_built(choice.value))
-        built.append(one)
+        built.append(replace(one, apparent=one.as_built(choice.value)) if shell else one)
     return tuple(built)
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import colorsys
 import json
+import logging
 import os
 import struct
 from pathlib import Path
@@ -18,8 +19,12 @@ from jaxtyping import Float
 
 from ...fem.errors import InputError
 from ...fem.mesh import TetMesh
+from ...fem.note import Note
 from ...fem.scene.up import UpAxis, half_turn
 from ..files import writing
+from .meshdata import far_offset
+
+log = logging.getLogger(__name__)
 
 FLOAT, INDEX, BYTE = 5126, 5125, 5121  # component types
 VERTICES, INDICES = 34962, 34963  # what a buffer view is for
@@ -36,7 +41,8 @@ def write_motion_glb(
 ) -> Path:
     """Write the surface of a mesh [m] that moves by ``displacement`` [m] at ``times`` [s].
 
-    ``up`` is the mesh's axis that points up; it becomes +y.
+    ``up`` is the mesh's axis that points up; it becomes +y. What lies far from the origin is moved
+    there, for the file's single precision: its node says from where.
 
     Raises InputError: Where there is no frame, or times do not rise.
     """
@@ -49,13 +55,18 @@ def write_motion_glb(
     pairs = np.column_stack([mesh.boundary.faces.reshape(-1), part])
     drawn, corner = np.unique(pairs, axis=0, return_inverse=True)
     faces, (points, parts) = corner.reshape(-1, 3), drawn.T
-    turn = to_y(up).T
+    turn, offset = to_y(up).T, far_offset(mesh)
+    if offset.any():
+        x, y, z = offset.tolist()
+        log.warning(Note("export.recentred", x=x, y=y, z=z))
     shapes = [body.add(u[points] @ turn, "VEC3", VERTICES, ends=True) for u in displacement]
     shades = [colorsys.hsv_to_rgb(part * GOLDEN % 1, 0.45, 0.75) for part in range(parts.max() + 1)]
     colours = np.round(255 * np.array([(*shade, 1.0) for shade in shades])).astype(np.uint8)
     primitive = {
         "attributes": {
-            "POSITION": body.add(mesh.points[points] @ turn, "VEC3", VERTICES, ends=True),
+            "POSITION": body.add(
+                (mesh.points - offset)[points] @ turn, "VEC3", VERTICES, ends=True
+            ),
             "COLOR_0": body.add(colours[parts], "VEC4", VERTICES, BYTE, normalized=True),
         },
         "indices": body.add(faces.reshape(-1), "SCALAR", INDICES, INDEX),
@@ -68,6 +79,8 @@ def write_motion_glb(
         "interpolation": "LINEAR",
     }
     document = {**_scene(primitive, sampler, times), **body.described()}
+    if offset.any():
+        document["nodes"][0]["extras"] = {"moved_by": (-offset @ turn).tolist()}
     with writing(path) as target:
         # Header, JSON chunk and binary chunk
         binary = bytes(body.bytes)

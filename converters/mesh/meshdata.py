@@ -5,13 +5,14 @@ from __future__ import annotations
 import logging
 import os
 import re
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 from urllib.parse import quote
 
 import numpy as np
+from jaxtyping import Float, Int
 
 from ...fem.errors import InputError
 from ...fem.grain import grained_parts
@@ -31,8 +32,19 @@ log = logging.getLogger(__name__)
 COLUMNS = ("E", "nu", "rho")  # arrays of the material, in this order
 # All that a mesh and its arrays may hold: what a format with room for everything keeps.
 WHOLE = MATERIAL | {Keeps.GRAIN, Keeps.REGIONS, Keeps.POINT_DATA, Keeps.CELL_DATA}
-# Cell arrays that say which region a tet belongs to, the most specific first.
+# Cell arrays that say which region a tet belongs to, the most specific first; what others call
+# them, taken where their numbers are whole and few.
 REGION_TAGS = ("region", "gmsh:physical", "medit:ref", "mat_id")
+GUESSED_TAGS = (
+    "materialids", "material_id", "materialid", "material", "matid", "region_id", "regionid",
+    "regions", "part_id", "partid", "part", "subdomain", "subdomain_id", "domain", "block_id",
+    "blockid", "elementblockids", "cellentityids", "label", "labels", "group", "gmsh:geometrical",
+)  # fmt: skip
+MOST_REGIONS = 256
+COARSEST = 1e-3  # of the shortest edge: a step that changes the volume of its tets by .3 %
+SOFTEST = 1e3  # Pa: below it even jelly does not keep its shape on a table; E was likely in GPa
+MOST_REPEATED = 0.1  # of the tets: a file with more copies is broken
+SOLIDS = re.compile(r"hexahedr|wedge|prism|pyramid|polyhedr", re.IGNORECASE)
 _OURS = {*COLUMNS, *GRAIN, *REGION_TAGS, "gmsh:geometrical"}
 
 # What a name between quotes or on a line of its own cannot hold, and the escape itself.
@@ -53,6 +65,8 @@ class MeshData:
         Arrays by name with one row a point, and one row a tet.
     ignored
         What the file held beside tets, by kind of cell, and how many unused points were left out.
+    warnings
+        What was dropped or guessed that changes the body.
 
     Examples
     --------
@@ -68,6 +82,7 @@ class MeshData:
     point_data: Arrays = field(default_factory=dict)
     cell_data: Arrays = field(default_factory=dict)
     ignored: Mapping[str, int] = field(default_factory=dict)
+    warnings: tuple[str, ...] = ()
 
 
 def items_of(
@@ -129,11 +144,14 @@ def assemble(
     cell_data: Arrays,
     names: Mapping[int, str],
     ignored: Mapping[str, int],
+    warnings: Sequence[str] = (),
 ) -> MeshData:
     """Build the mesh from what a file held: tags become regions, E, nu, rho the material.
 
-    ``names`` maps a tag to the name of its region. Points that no tet uses are left out.
+    ``names`` maps a tag to the name of its region. Points that no tet uses, and tets that repeat
+    another, are left out.
     """
+    warnings = list(warnings)
     if len(tets) == 0:
         held = ", ".join(f"{n} {kind}" for kind, n in ignored.items()) or "no cells"
         raise InputError("meshdata.file_holds", held=held)
@@ -144,6 +162,15 @@ def assemble(
         raise InputError(
             "meshdata.tets_name", min=tets.min(), max=tets.max(), count=len(points) - 1
         )
+    once = first_of_equal(tets)
+    if repeated := len(tets) - len(once):
+        if repeated > MOST_REPEATED * len(tets):
+            raise InputError("meshdata.repeated", repeated=repeated, count=len(tets))
+        warnings.append(Note("meshdata.repeated_dropped", repeated=repeated))
+        tets = tets[once]
+        cell_data = {name: values[once] for name, values in cell_data.items()}
+    if solids := ", ".join(f"{n} {kind}" for kind, n in ignored.items() if SOLIDS.search(kind)):
+        warnings.append(Note("meshdata.solids", solids=solids))
     used = np.zeros(len(points), dtype=bool)
     used[tets] = True
     points, tets = points[used], (np.cumsum(used) - 1)[tets]
@@ -155,22 +182,62 @@ def assemble(
     mirrored = int((signed_volumes(points, tets) < 0).sum())
     if mirrored:
         log.info("turned %d mirrored tets of %d", mirrored, len(tets))
-    region, region_names = _regions(cell_data, names, len(tets))
+    region, region_names, tag = _regions(cell_data, names, len(tets))
+    if tag.lower() in GUESSED_TAGS:
+        warnings.append(Note("meshdata.guessed_regions", tag=tag, count=len(region_names)))
     material = material_from(cell_data)
     mesh = TetMesh.oriented(points, tets, region, region_names=region_names, material=material)
+    if material is not None and material.E.max() < SOFTEST:
+        warnings.append(Note("meshdata.soft", e=material.E.max()))
     known = _OURS if material is not None else _OURS - {*COLUMNS, *GRAIN}
     extra = {name: values for name, values in cell_data.items() if name not in known}
-    return MeshData(mesh, point_data, extra, ignored)
+    for warning in warnings:
+        log.warning(warning)
+    return MeshData(mesh, point_data, extra, ignored, tuple(warnings))
+
+
+def first_of_equal(tets: np.ndarray) -> np.ndarray:
+    """The first of all tets (n, 4) with the same four corners, in rising order."""
+    rows = np.sort(tets, axis=1)
+    order = np.lexsort(rows.T)  # stable
+    new = np.ones(len(rows), dtype=bool)
+    new[1:] = (rows[order[1:]] != rows[order[:-1]]).any(axis=1)
+    return np.sort(order[new])
+
+
+def containing_tets(mesh: TetMesh, where: Float[np.ndarray, "*n 3"]) -> Int[np.ndarray, "*n"]:
+    """A tet around each place [m], of several on a common face any; -1 outside the mesh."""
+    import igl
+
+    tets, tree = mesh.tets.astype(np.int64), igl.AABB()
+    tree.init(mesh.points, tets)
+    flat = np.ascontiguousarray(where.reshape(-1, 3))
+    found = np.asarray(igl.in_element(mesh.points, tets, flat, tree), dtype=np.int64)
+    return found.reshape(where.shape[:-1])
+
+
+def far_offset(mesh: TetMesh) -> Float[np.ndarray, "3"]:
+    """What to take from all points [m] before they are written in single precision.
+
+    Nothing where its steps are fine enough for the shortest edge; else the middle of the box.
+    """
+    a, b = (
+        mesh.points[mesh.tets[:, [0, 0, 0, 1, 1, 2]]],
+        mesh.points[mesh.tets[:, [1, 2, 3, 2, 3, 3]]],
+    )
+    shortest = np.linalg.norm(a - b, axis=2).min()
+    step = np.abs(mesh.bounds).max() * np.finfo(np.float32).eps
+    return mesh.bounds.mean(axis=0) if step > COARSEST * shortest else np.zeros(3)
 
 
 def from_meshio(source: meshio.Mesh, names: Mapping[int, str] | None = None) -> MeshData:
     """Keep the tets of a meshio mesh with their data; other cells are counted in ``ignored``."""
-    blocks = [i for i, block in enumerate(source.cells) if block.type == "tetra"]
+    blocks = [i for i, block in enumerate(source.cells) if block.type in ("tetra", "tetra10")]
     ignored: dict[str, int] = {}
-    for block in source.cells:
-        if block.type != "tetra":
+    for i, block in enumerate(source.cells):
+        if i not in blocks:
             ignored[block.type] = ignored.get(block.type, 0) + len(block.data)
-    tets = [source.cells[i].data for i in blocks]
+    tets = [source.cells[i].data[:, :4] for i in blocks]  # of quadratic ones the corners
     if names is None:  # meshio keeps Gmsh's physical names as {name: [tag, dimension]}
         names = {int(v[0]): k for k, v in source.field_data.items() if len(v) == 2 and v[1] == 3}
     return assemble(
@@ -187,18 +254,26 @@ def from_meshio(source: meshio.Mesh, names: Mapping[int, str] | None = None) -> 
     )
 
 
-def _regions(cell_data, names, count) -> tuple[np.ndarray, tuple[str, ...]]:
-    """Region of every tet and the names of all regions, from the first tag array there is."""
+def _regions(cell_data, names, count) -> tuple[np.ndarray, tuple[str, ...], str]:
+    """Region of every tet, the names of all, and the first tag array there is."""
     key = next((name for name in REGION_TAGS if name in cell_data), None)
+    lower = {name.lower(): name for name in cell_data}
+    guesses = [lower[name] for name in GUESSED_TAGS if name in lower] if key is None else []
+    for guess in guesses:
+        tags = np.ravel(cell_data[guess])
+        whole = len(tags) == count and np.isfinite(tags).all() and (tags == np.rint(tags)).all()
+        if whole and 1 < len(np.unique(tags)) <= MOST_REGIONS:
+            key = guess
+            break
     if key is None:
-        return np.zeros(count, dtype=np.int32), ("body",)
+        return np.zeros(count, dtype=np.int32), ("body",), ""
     tags = np.ravel(cell_data[key])
     if not np.array_equal(tags, np.rint(tags)):
         raise InputError("meshdata.cell_array", key=key, tags=tags[:3])
     tags = tags.astype(np.int64)
     wanted = np.union1d(tags, np.fromiter(names, dtype=np.int64))
     labels = [names.get(int(tag), f"region {tag}") for tag in wanted]
-    return np.searchsorted(wanted, tags).astype(np.int32), tuple(labels)
+    return np.searchsorted(wanted, tags).astype(np.int32), tuple(labels), key
 
 
 # Our own archive of a tet mesh, .npz: the mesh and its material, and nothing beside.
@@ -289,7 +364,14 @@ def read_data(path: str | os.PathLike) -> MeshData:
     if reader is None:
         known = ", ".join(suffix for suffix in MESH_FORMATS if MESH_FORMATS[suffix].read)
         raise InputError("meshdata.cannot_read", path=path, suffix=Path(path).suffix, known=known)
-    return reader(path)
+    data: MeshData = reader(path)
+    # A centroid that lies in another tet too is of two bodies in one place
+    around = containing_tets(data.mesh, data.mesh.centroids)
+    if overlapping := int((around != np.arange(len(around))).sum()):
+        note = Note("meshdata.overlapping", overlapping=overlapping, count=len(around))
+        log.warning(note)
+        data = replace(data, warnings=(*data.warnings, note))
+    return data
 
 
 def write_mesh(

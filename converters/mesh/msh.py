@@ -6,6 +6,7 @@ Gmsh, meshio and MuJoCo all read this plain form.
 
 from __future__ import annotations
 
+import io
 import os
 import re
 from collections import Counter
@@ -20,14 +21,27 @@ from ...fem.mesh import TetMesh
 from ...fem.note import Note
 from ..files import check_counts, reading, writing
 from ..registry import Format
-from .meshdata import WHOLE, Arrays, MeshData, assemble, checked, escape, from_meshio
+from .meshdata import (
+    WHOLE,
+    Arrays,
+    MeshData,
+    assemble,
+    checked,
+    escape,
+    first_of_equal,
+    from_meshio,
+)
 
 _START = re.compile(r"^\$(\w+)[ \t\r]*\n", re.MULTILINE)
 WANTED = Note("msh.gmsh_msh")
-_TET = "4"
 # Said by our writer, so that a file cut between two sections is not taken for a bare mesh.
 _ANNOUNCED = Note("msh.sections_data")
-_CELLS = {"1": "lines", "2": "triangles", "3": "quads", "5": "hexahedra", "15": "points"}
+_CELLS = {
+    "1": "lines", "2": "triangles", "3": "quads", "5": "hexahedra", "6": "prisms", "7": "pyramids",
+    "8": "lines", "9": "triangles", "10": "quads", "12": "hexahedra", "13": "prisms",
+    "14": "pyramids", "15": "points", "17": "hexahedra", "18": "prisms", "19": "pyramids",
+    "92": "hexahedra", "93": "hexahedra",
+}  # fmt: skip
 
 
 def write_msh(
@@ -71,6 +85,8 @@ def read_msh(path: str | os.PathLike) -> MeshData:
             raise InputError("msh.start_meshformat", path=path, wanted=WANTED)
         if re.match(rb"\s*\$MeshFormat\s+2(\.\d+)?\s+0\s", head):
             return _read_ascii2(source.read_text(encoding="utf-8", errors="replace"))
+        if (form := re.match(rb"\s*\$MeshFormat\s+4\.1\s+([01])\s+8\s", head)) is not None:
+            return _read_41(source.read_bytes(), text=form[1] == b"0")
         check_counts(source)
         import meshio
 
@@ -109,6 +125,17 @@ def _read_ascii2(text: str) -> MeshData:
     nodes = _table(bodies["Nodes"], 4)
     elements, ignored = _tets(bodies["Elements"])
     node_ids, points = nodes[:, 0].astype(np.int64), nodes[:, 1:]
+    names, warnings = _volume_names(bodies.get("PhysicalNames", "")), []
+    # A tet of several groups has a line for each: the smallest group keeps it
+    _, group, sizes = np.unique(elements[:, 1], return_inverse=True, return_counts=True)
+    order = np.argsort(sizes[group], kind="stable")
+    once = np.sort(order[first_of_equal(elements[order, 2:])]) if len(order) else order
+    dropped = np.setdiff1d(elements[np.setdiff1d(order, once), 1], elements[once, 1])
+    if dropped.size:
+        groups = ", ".join(names.get(tag, str(tag)) for tag in dropped.tolist())
+        warnings.append(Note("msh.groups", groups=groups))
+        elements = elements[once]
+        names = {tag: name for tag, name in names.items() if tag not in dropped}
     ids, tags, corners = elements[:, 0], elements[:, 1], elements[:, 2:]
     tets = _locate(corners.ravel(), node_ids, "Elements").reshape(-1, 4)
     point_data, cell_data = {}, {}
@@ -121,13 +148,160 @@ def _read_ascii2(text: str) -> MeshData:
             cell_data[name] = _spread(data_ids, values, ids)
     if tags.any():
         cell_data["gmsh:physical"] = tags
-    found: Iterable[re.Match] = re.finditer(
-        r'^\s*3\s+(\d+)\s+"(.*)"\s*$', bodies.get("PhysicalNames", ""), re.MULTILINE
-    )
-    names = {int(match[1]): unquote(match[2]) for match in found}
     return assemble(
-        points, tets, point_data=point_data, cell_data=cell_data, names=names, ignored=ignored
-    )
+        points, tets, point_data=point_data, cell_data=cell_data, names=names, ignored=ignored,
+        warnings=warnings,
+    )  # fmt: skip
+
+
+# Points of an element by its type in Gmsh's files, and the types of tets.
+_POINTS = {
+    1: 2, 2: 3, 3: 4, 4: 4, 5: 8, 6: 6, 7: 5, 8: 3, 9: 6, 10: 9, 11: 10, 12: 27, 13: 18, 14: 14,
+    15: 1, 16: 8, 17: 20, 18: 15, 19: 13, 20: 9, 21: 10, 22: 12, 23: 15, 24: 15, 25: 21, 26: 4,
+    27: 5, 28: 6, 29: 20, 30: 35, 31: 56, 92: 64, 93: 125,
+}  # fmt: skip
+_TETS = (4, 11, 29, 30, 31)  # of orders 1 to 5: their corners come first
+
+
+class _Cursor:
+    """Numbers of a section one after the other, of text or of bytes."""
+
+    def __init__(self, body: bytes, text: bool) -> None:
+        self._body, self._at = body, 0
+        self._values = np.array(body.split(), dtype=np.float64) if text else None
+
+    def take(self, kind: str, count: int | np.integer) -> np.ndarray:
+        """``count`` numbers of a kind: i4, u8 or f8."""
+        count = int(count)
+        if self._values is not None:
+            found = self._values[self._at : self._at + max(count, 0)]
+            self._at += len(found)
+            if len(found) != count:
+                raise InputError("msh.numbers_end", count=count)
+            return found if kind == "f8" else found.astype(np.int64)
+        size = count * int(kind[1])
+        if not 0 <= size <= len(self._body) - self._at:
+            raise InputError("msh.numbers_end", count=count)
+        found = np.frombuffer(self._body, f"<{kind}", count, self._at)
+        self._at += size
+        return found if kind == "f8" else found.astype(np.int64)
+
+
+def _read_41(data: bytes, *, text: bool) -> MeshData:
+    """MSH 4.1, text or binary: groups belong to entities, of which some may have none."""
+    bodies: list[tuple[str, bytes]] = []
+    for start in re.finditer(rb"^\$(?!End)([A-Z]\w*)[ \t\r]*\n", data, re.MULTILINE):
+        end = data.find(b"$End" + start[1], start.end())
+        if end < 0:
+            raise InputError("msh.section_end", start=start[1].decode(), wanted=WANTED)
+        bodies.append((start[1].decode(), data[start.end() : end]))
+    sections = dict(bodies)
+    for wanted in ("Nodes", "Elements"):
+        if wanted not in sections:
+            raise InputError("msh.section_missing", wanted=wanted, wanted_2=WANTED)
+    groups = _entity_groups(sections.get("Entities", b""), text)
+    # Nodes: blocks of their numbers, then of their places and, on curved ones, parameters
+    cursor = _Cursor(sections["Nodes"], text)
+    ids, points = [np.zeros(0, np.int64)], [np.zeros((0, 3))]
+    for _ in range(int(cursor.take("u8", 4)[0])):
+        dimension, _, parametric = cursor.take("i4", 3)
+        (count,) = cursor.take("u8", 1)
+        ids.append(cursor.take("u8", count))
+        width = 3 + (int(dimension) if parametric else 0)
+        points.append(cursor.take("f8", count * width).reshape(-1, width)[:, :3])
+    node_ids, points = np.concatenate(ids), np.concatenate(points)
+    cursor = _Cursor(sections["Elements"], text)
+    rows, tags, ignored = [np.zeros((0, 5), np.int64)], [np.zeros((0, 2), np.int64)], Counter()
+    for _ in range(int(cursor.take("u8", 4)[0])):
+        _, entity, kind = cursor.take("i4", 3).tolist()
+        (count,) = cursor.take("u8", 1).tolist()
+        if kind not in _POINTS:
+            raise InputError("msh.cells_type", k=kind)
+        table = cursor.take("u8", count * (1 + _POINTS[kind])).reshape(count, -1)
+        if kind in _TETS:
+            rows.append(table[:, :5])
+            tags.append(np.tile([entity, kind], (count, 1)))
+        else:
+            ignored[_CELLS.get(str(kind), Note("msh.cells_type", k=kind))] += count
+    elements, of = np.concatenate(rows), np.concatenate(tags)
+    tets = _locate(elements[:, 1:].ravel(), node_ids, "Elements").reshape(-1, 4)
+    names = _volume_names(sections.get("PhysicalNames", b"").decode("utf-8", "replace"))
+    # The smallest of the groups of an entity; an entity without one is a region of its own
+    size = Counter[int]()
+    for entity, count in zip(*np.unique(of[:, 0], return_counts=True), strict=True):
+        size.update(dict.fromkeys(groups.get(int(entity), ()), int(count)))
+    largest = max([0, *names, *size])
+    chosen, warnings = {}, []
+    for entity in np.unique(of[:, 0]).tolist():
+        own = groups.get(entity, ())
+        chosen[entity] = min(own, key=lambda group: size[group], default=largest + entity)
+        if not own:
+            names[largest + entity] = f"volume {entity}"
+        elif len(own) > 1:
+            called = [names.get(group, str(group)) for group in own]
+            warnings.append(Note("msh.groups", groups=", ".join(called)))
+    names = {tag: name for tag, name in names.items() if tag in chosen.values() or not size[tag]}
+    if not size and len(chosen) > 1:
+        warnings.append(Note("msh.entities", count=len(chosen)))
+    point_data, cell_data = {}, {}
+    for kind, body in bodies:
+        if kind in ("NodeData", "ElementData"):
+            name, data_ids, values = _data_41(body, text)
+            on_nodes = kind == "NodeData"
+            target = point_data if on_nodes else cell_data
+            target[name] = _spread(data_ids, values, node_ids if on_nodes else elements[:, 0])
+    if size or len(chosen) > 1:
+        cell_data["gmsh:physical"] = np.array([chosen[entity] for entity in of[:, 0].tolist()])
+    else:
+        names = {}
+    return assemble(
+        points, tets, point_data=point_data, cell_data=cell_data, names=names, ignored=ignored,
+        warnings=warnings,
+    )  # fmt: skip
+
+
+def _entity_groups(body: bytes, text: bool) -> dict[int, tuple[int, ...]]:
+    """Physical groups of every volume."""
+    groups: dict[int, tuple[int, ...]] = {}
+    if not body:
+        return groups
+    cursor = _Cursor(body, text)
+    for dimension, count in enumerate(cursor.take("u8", 4).tolist()):
+        for _ in range(count):
+            (entity,) = cursor.take("i4", 1).tolist()
+            cursor.take("f8", 6 if dimension else 3)  # its box, or place
+            own = tuple(cursor.take("i4", cursor.take("u8", 1)[0]).tolist())
+            if dimension:
+                cursor.take("i4", cursor.take("u8", 1)[0])  # what bounds it
+            if dimension == 3:
+                groups[entity] = own
+    return groups
+
+
+def _data_41(body: bytes, text: bool) -> tuple[str, np.ndarray, np.ndarray]:
+    """Name, ids (rows,) and values (rows,) or (rows, components) of a data section."""
+    if text:
+        return _array(body.decode("utf-8", "replace"))
+    stream = io.BytesIO(body)
+
+    def tags() -> list[str]:
+        return [stream.readline().decode("utf-8", "replace").strip() for _ in range(_count(stream))]
+
+    (name, *_), _, (_, width, rows, *_) = tags(), tags(), map(int, tags())
+    row = np.dtype([("id", "<i4"), ("values", "<f8", (width,))])
+    table = np.frombuffer(body, row, rows, stream.tell())
+    values = table["values"] if width > 1 else table["values"][:, 0]
+    return unquote(name.strip('"')), table["id"].astype(np.int64), values
+
+
+def _count(stream: io.BytesIO) -> int:
+    return int(stream.readline())
+
+
+def _volume_names(section: str) -> dict[int, str]:
+    """Names of the groups of volumes by tag."""
+    found: Iterable[re.Match] = re.finditer(r'^\s*3\s+(\d+)\s+"(.*)"\s*$', section, re.MULTILINE)
+    return {int(match[1]): unquote(match[2]) for match in found}
 
 
 def _sections(text: str) -> Iterator[tuple[str, str]]:
@@ -159,8 +333,15 @@ def _tets(body: str) -> tuple[np.ndarray, dict[str, int]]:
     if len(rows) != int(count):
         raise InputError("msh.elements_where", count=len(rows), count_2=count)
     kinds = Counter(row[1] for row in rows)
-    tets = [(row[0], row[3] if row[2] != "0" else "0", *row[-4:]) for row in rows if row[1] == _TET]
-    ignored = {_CELLS.get(k, Note("msh.cells_type", k=k)): n for k, n in kinds.items() if k != _TET}
+    known = {str(kind) for kind in _TETS}
+    tets = []
+    for row in rows:
+        if row[1] in known:
+            first = 3 + int(row[2])
+            tets.append((row[0], row[3] if first > 3 else "0", *row[first : first + 4]))
+    ignored = {
+        _CELLS.get(k, Note("msh.cells_type", k=k)): n for k, n in kinds.items() if k not in known
+    }
     return np.array(tets, dtype=np.int64).reshape(-1, 6), ignored
 
 

@@ -20,14 +20,13 @@ from jaxtyping import Float, Int
 from ...fem.errors import InputError
 from ...fem.mesh import TetMesh
 from ...fem.note import Note
-from ..files import check_counts, reading, writing, writing_folder
+from ..files import reading, writing, writing_folder
 from ..registry import Format
-from .meshdata import WHOLE, Arrays, MeshData, assemble, cell_arrays, checked, escape, from_meshio
+from .meshdata import WHOLE, Arrays, MeshData, assemble, cell_arrays, checked, escape
 
 WANTED = Note("vtk.vtk_unstructured")
 # Region names travel as field data: UTF-8 bytes, one name a line, a type that every reader takes.
 _NAMES = "region_names"
-_LEGACY_HEAD = 1 << 20  # bytes searched for the names in a legacy file: they follow the title
 
 
 def write_vtk(
@@ -80,31 +79,17 @@ def write_vtk(
 def read_vtk(path: str | os.PathLike) -> MeshData:
     """Read tets, regions and all arrays of a .vtu or legacy .vtk file."""
     with reading(path, WANTED) as source:
-        if source.suffix.lower() == ".vtu":
-            grid = load_vtu(source)
-            raw = grid.field_data.get(_NAMES)
-            return assemble(
-                grid.points,
-                grid.tets,
-                point_data=grid.point_data,
-                cell_data=grid.cell_data,
-                names=_names(None if raw is None else bytes(raw.astype(np.uint8)), grid.cell_data),
-                ignored=grid.ignored,
-            )
-        import meshio
-
-        check_counts(source)
-        legacy = meshio.vtk.read(str(source))
-        with source.open("rb") as file:
-            head = file.read(_LEGACY_HEAD)
-        lines, match = None, re.search(rb"%s 1 (\d+) unsigned_char\n" % _NAMES.encode(), head)
-        if match is not None:
-            count, lines = int(match[1]), head[match.end() :]
-            if re.match(rb"[^\n]*\n[^\n]*\nBINARY", head):
-                lines = lines[:count]
-            else:
-                lines = bytes(int(code) for code in lines.split(None, count)[:count])
-        return from_meshio(legacy, _names(lines, legacy.cell_data))
+        is_xml = source.suffix.lower() == ".vtu"
+        grid = load_vtu(source) if is_xml else load_legacy(source.read_bytes())
+        raw = grid.field_data.get(_NAMES)
+        return assemble(
+            grid.points,
+            grid.tets,
+            point_data=grid.point_data,
+            cell_data=grid.cell_data,
+            names=_names(None if raw is None else bytes(raw.astype(np.uint8)), grid.cell_data),
+            ignored=grid.ignored,
+        )
 
 
 VTU = Format("VTK XML", (".vtu",), read_vtk, write_vtk, keeps=WHOLE)
@@ -125,10 +110,10 @@ def _names(listed: bytes | None, cell_data: Container[str]) -> dict[int, str]:
 # gigabyte), loses all cells but the last piece's, and its parts have no public name to build on.
 
 MAX_UNPACKED = 4 << 30  # bytes in all arrays: a sixth of the memory of a 24 GiB machine
-_TET = 10
+_TETS = (10, 24, 71)  # linear, quadratic, of any order: their corners come first
 _CELLS = {
     1: "vertex", 3: "line", 5: "triangle", 7: "polygon", 9: "quad", 12: "hexahedron", 13: "wedge",
-    14: "pyramid", 22: "triangle6", 24: "tetra10", 25: "hexahedron20", 42: "polyhedron",
+    14: "pyramid", 22: "triangle6", 25: "hexahedron20", 42: "polyhedron",
 }  # fmt: skip
 _APPENDED = re.compile(rb"<AppendedData([^>]*)>")
 
@@ -184,19 +169,28 @@ def _piece(piece: ElementTree.Element, arrays: VtuArrays, ignored: dict[str, int
     corners, ends, kinds = (np.ravel(found[n]) for n in ("connectivity", "offsets", "types"))
     if not len(ends) == len(kinds) == cells:
         raise InputError("vtk.cells_announced", cells=cells, count=len(ends), count_2=len(kinds))
-    is_tet = kinds == _TET
+    tets, is_tet = _tets(corners, ends, kinds, count, ignored)
+    on_points = arrays.under(piece.find("PointData"), count)
+    on_cells = arrays.under(piece.find("CellData"), cells)
+    return points, tets, on_points, {name: values[is_tet] for name, values in on_cells.items()}
+
+
+def _tets(
+    corners: np.ndarray, ends: np.ndarray, kinds: np.ndarray, count: int, ignored: dict[str, int]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Corners of the tets over ``count`` points, and which cells they are; others are counted."""
+    is_tet = np.isin(kinds, _TETS)
     for kind, number in zip(*np.unique(kinds[~is_tet], return_counts=True), strict=True):
         name = _CELLS.get(int(kind), Note("vtk.cells_type", kind=kind))
         ignored[name] = ignored.get(name, 0) + int(number)
-    first = ends[is_tet].astype(np.int64) - 4
-    if (np.diff(ends.astype(np.int64), prepend=0)[is_tet] != 4).any() or (first < 0).any():
+    width = np.diff(ends.astype(np.int64), prepend=0)[is_tet]
+    first = ends[is_tet].astype(np.int64) - width
+    if (width < 4).any() or (width[kinds[is_tet] == _TETS[0]] != 4).any() or (first < 0).any():
         raise InputError("vtk.tet_other")
     tets = corners[first[:, None] + np.arange(4)].astype(np.int64)
     if tets.size and not 0 <= tets.min() <= tets.max() < count:
         raise InputError("vtk.tets_name", min=tets.min(), max=tets.max(), count=count)
-    on_points = arrays.under(piece.find("PointData"), count)
-    on_cells = arrays.under(piece.find("CellData"), cells)
-    return points, tets, on_points, {name: values[is_tet] for name, values in on_cells.items()}
+    return tets, is_tet
 
 
 def _joined(pieces: list[dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
@@ -310,6 +304,158 @@ def _dtype(name: str) -> np.dtype:
     if found is None:
         raise InputError("vtk.arrays_type", name=name)
     return np.dtype(f"{_KINDS[found[1]]}{int(found[2]) // 8}")
+
+
+# Legacy .vtk files, text or big-endian bytes, up to version 5.1.
+
+_TYPES = {
+    "unsigned_char": "u1", "char": "i1", "unsigned_short": "u2", "short": "i2",
+    "unsigned_int": "u4", "int": "i4", "unsigned_long": "u8", "long": "i8", "float": "f4",
+    "double": "f8", "vtkidtype": "i4", "vtktypeint64": "i8", "vtktypeuint64": "u8",
+}  # fmt: skip
+# Values a row of the arrays that have a fixed number of them.
+_WIDTHS = {"VECTORS": 3, "NORMALS": 3, "TENSORS": 9, "TENSORS6": 6, "GLOBAL_IDS": 1,
+           "PEDIGREE_IDS": 1}  # fmt: skip
+_LEGACY = re.compile(rb"# vtk DataFile Version (\d)[^\n]*\n[^\n]*\n[ \t]*(ASCII|BINARY)\s")
+
+
+class _Words:
+    """Words and numbers of a file one after the other."""
+
+    def __init__(self, content: bytes, at: int, text: bool) -> None:
+        self._content, self._at = content, at
+        self._words = content[at:].split() if text else None
+        self._next = 0
+
+    def word(self) -> str:
+        """The next word; none at the end."""
+        if self._words is not None:
+            found = self._words[self._next : self._next + 1]
+            self._next += 1
+            return found[0].decode("utf-8", "replace") if found else ""
+        found = re.compile(rb"\s*(\S*)").match(self._content, self._at)
+        assert found is not None
+        self._at = found.end()
+        return found[1].decode("utf-8", "replace")
+
+    def count(self) -> int:
+        """The next word as a number of things, which take a byte each at least."""
+        count = int(self.word())
+        if not 0 <= count <= len(self._content):
+            raise InputError("vtk.counts", count=count)
+        return count
+
+    def numbers(self, kind: str, count: int) -> np.ndarray:
+        """``count`` numbers of a type, which begin on the next line."""
+        if kind.lower() not in _TYPES:
+            raise InputError("vtk.arrays_type", name=kind)
+        dtype = np.dtype(_TYPES[kind.lower()])
+        if self._words is not None:
+            found = self._words[self._next : self._next + count]
+            self._next += count
+            if len(found) != count:
+                raise InputError("vtk.counts", count=count)
+            return np.array(found, dtype="S").astype(np.float64 if dtype.kind == "f" else dtype)
+        start = self._content.index(b"\n", self._at) + 1
+        self._at = start + count * dtype.itemsize
+        if self._at > len(self._content):
+            raise InputError("vtk.counts", count=count)
+        return np.frombuffer(self._content, dtype.newbyteorder(">"), count, start).astype(dtype)
+
+    def skip(self) -> None:
+        """Go over the block of an array's own remarks, which an empty line ends."""
+        if self._words is None:
+            end = re.compile(rb"\n[ \t\r]*\n|$").search(self._content, self._at)
+            self._at = len(self._content) if end is None else end.end()
+            return
+        known = {*_WIDTHS, *"CELLS CELL_TYPES POINT_DATA CELL_DATA FIELD SCALARS METADATA".split()}
+        while self._next < len(self._words) and self._words[self._next].decode("latin-1") not in (
+            *known, "COLOR_SCALARS", "LOOKUP_TABLE", "TEXTURE_COORDINATES", "POINTS",
+        ):  # fmt: skip
+            # Arrays of a field follow its remarks without a word of their own
+            self._next += 1
+
+
+def load_legacy(content: bytes) -> VtuGrid:
+    """Take the bytes of a legacy file apart."""
+    head = _LEGACY.match(content)
+    if head is None:
+        raise InputError("vtk.legacy")
+    words = _Words(content, head.end(), head[2] == b"ASCII")
+    points, corners, ends, kinds = np.zeros((0, 3)), *np.zeros((3, 0), np.int64)
+    field: dict[str, np.ndarray] = {}
+    on_points: dict[str, np.ndarray] = {}
+    on_cells: dict[str, np.ndarray] = {}
+    target, rows = field, 0
+    if (words.word(), words.word().upper()) != ("DATASET", "UNSTRUCTURED_GRID"):
+        raise InputError("vtk.legacy")
+    while key := words.word().upper():
+        if key == "POINTS":
+            count = words.count()
+            points = words.numbers(words.word(), 3 * count).reshape(-1, 3)
+        elif key == "CELLS" and int(head[1]) >= 5:
+            count, size = words.count(), words.count()
+            words.word()
+            ends = words.numbers(words.word(), count)[1:]
+            words.word()
+            corners = words.numbers(words.word(), size)
+        elif key == "CELLS":  # each with the number of its corners before them
+            count, size = words.count(), words.count()
+            flat, starts, at = words.numbers("int", size), [], 0
+            for _ in range(count):
+                starts.append(at)
+                at += 1 + max(int(flat[at]), 0)
+            corners = np.delete(flat, starts)
+            ends = np.cumsum(flat[starts]) if starts else ends
+        elif key == "CELL_TYPES":
+            kinds = words.numbers("int", words.count())
+        elif key in ("POINT_DATA", "CELL_DATA"):
+            target, rows = (on_points if key == "POINT_DATA" else on_cells), words.count()
+        elif key == "FIELD":
+            words.word()
+            for _ in range(words.count()):
+                name = words.word()
+                if name == "METADATA":
+                    words.skip()
+                    name = words.word()
+                width, length = words.count(), words.count()
+                values = words.numbers(words.word(), width * length)
+                target[unquote(name)] = values.reshape(-1, width) if width > 1 else values
+        elif key == "SCALARS":
+            name, kind, width, following = words.word(), words.word(), 1, words.word()
+            if following.isdigit():
+                width, following = int(following), words.word()
+            if following.upper() != "LOOKUP_TABLE":
+                raise InputError("vtk.keyword", key=following[:20])
+            words.word()
+            values = words.numbers(kind, width * rows)
+            target[unquote(name)] = values.reshape(-1, width) if width > 1 else values
+        elif key in _WIDTHS:
+            name, kind = words.word(), words.word()
+            values = words.numbers(kind, _WIDTHS[key] * rows)
+            target[unquote(name)] = values.reshape(rows, -1) if _WIDTHS[key] > 1 else values
+        elif key == "TEXTURE_COORDINATES":
+            name, width = words.word(), words.count()
+            target[unquote(name)] = words.numbers(words.word(), width * rows).reshape(rows, -1)
+        elif key in ("COLOR_SCALARS", "LOOKUP_TABLE"):
+            words.word()
+            count = words.count() * (rows if key == "COLOR_SCALARS" else 4)
+            words.numbers("unsigned_char" if head[2] == b"BINARY" else "float", count)
+        elif key == "METADATA":
+            words.skip()
+        else:
+            raise InputError("vtk.keyword", key=key[:20])
+    if not len(ends) == len(kinds):
+        raise InputError(
+            "vtk.cells_announced", cells=len(kinds), count=len(ends), count_2=len(kinds)
+        )
+    ignored: dict[str, int] = {}
+    tets, is_tet = _tets(corners, ends, kinds, len(points), ignored)
+    for values in (*on_points.values(), *on_cells.values()):
+        if len(values) not in (len(points), len(kinds)):
+            raise InputError("vtk.array_rows", name="", count=len(values), rows=len(kinds))
+    tet_data = {name: values[is_tet] for name, values in on_cells.items()}
+    return VtuGrid(points, tets, on_points, tet_data, field, ignored)
 
 
 # ParaView time series: a .pvd index beside one .vtu a frame.

@@ -11,7 +11,7 @@ from functools import cache
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from ...fem.errors import InputError
 from ...fem.note import Note
@@ -21,6 +21,11 @@ from .table import PointTable
 
 SH_C0 = 0.28209479177387814
 """The constant spherical harmonic [1], 1 / (2 sqrt(pi))."""
+FLAT_SIGMA = 1e-6  # m: the third of a surfel
+LARGEST_LOG = 700.0  # of what exp still is a number of
+MOST_SIGMA = 1e12  # in the unit of the file, as of coordinates
+# A splat this many times farther from the middle than nearly all is a floater of the fit.
+FARTHEST, MOST_OF_ALL = 20.0, 0.99
 _LOGIT_EDGE = 1e-6  # opacities 0 and 1 are kept this far from an infinite logit
 
 
@@ -43,16 +48,64 @@ class Gaussians(NamedTuple):
 
 
 def gaussians(table: PointTable) -> Gaussians:
-    """Gaussians of a table of splats."""
+    """Gaussians of a table of splats; a surfel of two scales is as flat as ``FLAT_SIGMA``."""
     if not table.is_splat:
         raise InputError("gaussians.splats_columns", columns=list(table.columns))
 
     def columns(name: str, count: int) -> np.ndarray:
         return np.stack([np.float64(table.columns[f"{name}_{i}"]) for i in range(count)], axis=1)
 
-    rotations = normalised(columns("rot", 4))
-    opacity = 1 / (1 + np.exp(-np.clip(np.float64(table.columns["opacity"]), -80, 80)))
-    return Gaussians(table.positions, np.exp(columns("scale", 3)), rotations, opacity)
+    plain = is_activated(table)
+    scales = columns("scale", 3 if "scale_2" in table.columns else 2)
+    sigmas = scales if plain else np.exp(np.minimum(scales, LARGEST_LOG))
+    if sigmas.shape[1] == 2:
+        sigmas = np.column_stack([sigmas, np.full(len(sigmas), FLAT_SIGMA)])
+    opacity = np.float64(table.columns["opacity"])
+    if not plain:
+        opacity = 1 / (1 + np.exp(-np.clip(opacity, -80, 80)))
+    return Gaussians(table.positions, sigmas, normalised(columns("rot", 4)), opacity)
+
+
+def is_activated(table: PointTable) -> bool:
+    """Whether opacities are shares and scales lengths, where the common PLY has logits and logs.
+
+    Read as logs, lengths would make most splats larger than half of what they show.
+    """
+    scales = [np.asarray(v) for name, v in table.columns.items() if name.startswith("scale_")]
+    opacity = np.asarray(table.columns["opacity"])
+    if not ((opacity >= 0) & (opacity <= 1)).all() or not all((s > 0).all() for s in scales):
+        return False
+    positions = table.positions[np.isfinite(table.positions).all(axis=1)]
+    extent = (
+        np.ptp(np.quantile(positions, (0.01, 0.99), axis=0), axis=0).max()
+        if len(positions)
+        else 0.0
+    )
+    largest = np.minimum(np.max(scales, axis=0), LARGEST_LOG)
+    return bool(np.median(np.exp(largest)) > extent / 2)
+
+
+def sound_splats(table: PointTable) -> tuple[Bool[np.ndarray, "n"], list[str]]:
+    """Which splats have finite numbers and lie with the others, and what to say of those left."""
+    with np.errstate(over="ignore"):
+        found = gaussians(table)
+    finite = np.isfinite(found.means).all(axis=1) & np.isfinite(found.opacity)
+    finite &= (np.isfinite(found.sigmas) & (found.sigmas < MOST_SIGMA)).all(axis=1)
+    warnings: list[str] = [Note("gaussians.activated")] if is_activated(table) else []
+    if lost := int((~finite).sum()):
+        warnings.append(Note("gaussians.not_finite", lost=lost, count=len(table)))
+    away = np.full(len(table), np.inf)
+    if finite.any():
+        means = found.means[finite]
+        away[finite] = np.linalg.norm(means - np.median(means, axis=0), axis=1)
+        most = FARTHEST * np.quantile(away[finite], MOST_OF_ALL)
+        if lost := int((away[finite] > most).sum()):
+            farthest = float(away[finite].max())
+            warnings.append(
+                Note("gaussians.far", lost=lost, count=len(table), farthest=farthest, near=most)
+            )
+        finite &= away <= most
+    return finite, warnings
 
 
 def normalised(rotations: np.ndarray) -> np.ndarray:

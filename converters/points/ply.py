@@ -6,9 +6,9 @@ Splats packed in chunks are unpacked.
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import BinaryIO, Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -32,7 +32,7 @@ _ORDERS: dict[str, Literal["=", "<", ">"]] = {
     "binary_little_endian": "<",
     "binary_big_endian": ">",
 }
-_HEADER_LINES = 10_000  # a header longer than this is not one
+_HEADER_BYTES = 1 << 20  # a header longer than this is not one
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,22 +62,125 @@ class Ply:
 
 def read_ply(path: str | os.PathLike) -> Ply:
     """Read a PLY file; its ``vertex`` element must have scalar properties only."""
-    with reading(path, WANTED) as source, source.open("rb") as file:
-        header = _header(file)
-        encoding, comments, declared, rest = _parse(header)
-        elements = {}
-        for name, count, dtype in declared:
-            left = os.fstat(file.fileno()).st_size - file.tell()
-            if encoding == "ascii":
-                elements[name] = _ascii_rows(file, count, dtype)
-                continue
-            if not 0 <= count * dtype.itemsize <= left:
+    with reading(path, WANTED) as source:
+        return parse_ply(source.read_bytes())
+
+
+def parse_ply(data: bytes) -> Ply:
+    """Take the bytes of a PLY file apart."""
+    if not data.startswith(b"ply"):
+        raise InputError("ply.first_line", lines=data[:20].decode("utf-8", "replace"))
+    head, end, _ = data[:_HEADER_BYTES].partition(b"end_header")
+    start = data.find(b"\n", len(head)) + 1
+    if not end or not start:
+        raise InputError("ply.header_end")
+    header = [line.strip() for line in head.decode("utf-8", "replace").splitlines()[1:]]
+    (encoding,) = [line.split()[1] for line in header if line.startswith("format ")] or [""]
+    if encoding not in _ORDERS:
+        raise InputError("ply.header_names")
+    comments = tuple(line[8:] for line in header if line.startswith("comment"))
+    elements, declared = {}, _declared(header)
+    while declared and not any(counter for *_, counter in declared[0].fields):
+        name, count, fields, _ = declared.pop(0)
+        dtype = np.dtype([(field, kind) for field, kind, _ in fields])
+        if encoding == "ascii":
+            words = data[start:].split(None, count * len(fields)) if count < len(data) else []
+            if len(words) < count * len(fields):
+                raise InputError("ply.rows_announced", count=count)
+            table = np.empty(count, dtype=dtype)
+            for i, (field, kind, _) in enumerate(fields):
+                column = np.array(words[i : count * len(fields) : len(fields)], dtype="S")
+                table[field] = column.astype(kind)
+            rest = words[count * len(fields) :]
+            start = len(data) - len(rest[0]) if rest else len(data)
+        else:
+            size, left = count * dtype.itemsize, len(data) - start
+            if not 0 <= size <= left:
                 raise InputError("ply.rows_bytes", count=count, itemsize=dtype.itemsize, left=left)
-            rows = np.fromfile(file, dtype.newbyteorder(_ORDERS[encoding]), count)
-            elements[name] = rows.astype(rows.dtype.newbyteorder("="), copy=False)
-        if "vertex" not in elements:
-            raise InputError("ply.vertex_element", path=path, wanted=WANTED)
-        return Ply(elements, comments, encoding, (rest, file.read()))
+            rows = np.frombuffer(data, dtype.newbyteorder(_ORDERS[encoding]), count, start)
+            table, start = rows.astype(dtype), start + size
+        elements[name] = table
+    if "vertex" not in elements:
+        raise InputError("ply.vertex_element", wanted=WANTED)
+    rest = tuple(header[declared[0].line :]) if declared else ()
+    return Ply(elements, comments, encoding, (rest, data[start:]))
+
+
+class _Element(NamedTuple):
+    """An element of a header: its rows, and of each property name, type and type of the count."""
+
+    name: str
+    count: int
+    fields: list[tuple[str, str, str | None]]
+    line: int
+
+
+def _declared(header: Sequence[str]) -> list[_Element]:
+    found: list[_Element] = []
+    for number, line in enumerate(header):
+        words = line.split()
+        try:
+            if words[:1] == ["element"]:
+                found.append(_Element(words[1], int(words[2]), [], number))
+            elif words[:2] == ["property", "list"]:
+                found[-1].fields.append((words[4], _TYPES[words[3]], _TYPES[words[2]]))
+            elif words[:1] == ["property"]:
+                found[-1].fields.append((words[2], _TYPES[words[1]], None))
+            elif words and words[0] not in ("format", "comment", "obj_info"):
+                raise KeyError(words[0])
+        except (KeyError, IndexError, ValueError) as error:
+            raise InputError("ply.header_line", line=line[:60]) from error
+    return found
+
+
+class Rows(NamedTuple):
+    """Rows of an element whose lists have equal lengths.
+
+    ``number`` (n,) of each; ``values`` by name, (n, 1) or of a list (n, k).
+    """
+
+    number: np.ndarray
+    values: dict[str, np.ndarray]
+
+
+def listed(ply: Ply) -> dict[str, list[Rows]]:
+    """Elements with lists by name."""
+    header, body = ply.rest
+    order = _ORDERS[ply.encoding]
+    text, found, at = order == "=", {}, 0
+    data = np.array(body.split(), dtype=np.float64) if text else np.frombuffer(body, np.uint8)
+    for element in _declared(header):
+        # Of each property the type and size of a value, and of the count that stands before them
+        fields = []
+        for _, kind, counter in element.fields:
+            both = np.dtype(order + kind), np.dtype(order + (counter or "u1"))
+            sizes = (1, 1) if text else tuple(one.itemsize for one in both)
+            fields.append((*both, sizes[0], sizes[1] if counter else 0))
+        groups: dict[tuple[int, ...], list[tuple[int, int]]] = {}
+        for number in range(element.count):
+            lengths, start = [], at
+            for _, counter, size, counter_size in fields:
+                many = 1
+                if counter_size and at + counter_size <= len(data):
+                    many = int(data[at] if text else np.frombuffer(body, counter, 1, at)[0])
+                at += counter_size + many * size
+                if many < 0 or at > len(data):
+                    raise InputError("ply.lists_end", name=element.name)
+                lengths.append(many)
+            groups.setdefault(tuple(lengths), []).append((number, start))
+        found[element.name] = []
+        for lengths, rows in groups.items():
+            numbers, starts = np.array(rows).T
+            values = {}
+            for (name, *_), (kind, _, size, counter_size), many in zip(
+                element.fields, fields, lengths, strict=True
+            ):
+                starts = starts + counter_size
+                cells = data[starts[:, None] + np.arange(many * size)]
+                values[name] = cells if text else cells.view(kind)
+                starts = starts + many * size
+            found[element.name].append(Rows(numbers, values))
+    return found
 
 
 def write_ply(path: str | os.PathLike, ply: Ply) -> None:
@@ -112,13 +215,16 @@ def columns_table(columns: dict[str, np.ndarray]) -> np.ndarray:
 def read_ply_points(path: str | os.PathLike) -> PointTable:
     """Read the vertices as points; splats packed in chunks become the columns of the common PLY."""
     with reading(path, Note("ply.ply_point")):
-        ply = read_ply(path)
-        packed = "packed_position" in (ply.vertex.dtype.names or ())
-        if packed and "chunk" in ply.elements:  # splats in chunks of 256
-            return PointTable(unpack(ply.elements), ply.comments)
-        names = ply.vertex.dtype.names or ()
-        columns = {name: ply.vertex[name] for name in names}
-        return PointTable(columns, ply.comments, Others(_TITLE, ply.others, ply))
+        return ply_points(read_ply(path))
+
+
+def ply_points(ply: Ply) -> PointTable:
+    """Vertices of a file as points."""
+    names = ply.vertex.dtype.names or ()
+    if "packed_position" in names and "chunk" in ply.elements:  # splats in chunks of 256
+        return PointTable(unpack(ply.elements), ply.comments)
+    columns = {name: ply.vertex[name] for name in names}
+    return PointTable(columns, ply.comments, Others(_TITLE, ply.others, ply))
 
 
 def write_ply_points(path: str | os.PathLike, table: PointTable) -> None:
@@ -140,58 +246,6 @@ PLY = Format(
     write_ply_points,
     keeps=frozenset({Keeps.COLUMNS, Keeps.REMARKS, Keeps.HARMONICS, Keeps.OTHERS}),
 )
-
-
-def _header(file: BinaryIO) -> list[str]:
-    lines = []
-    for _ in range(_HEADER_LINES):
-        line = file.readline(4096)
-        lines.append(line.decode("utf-8", errors="replace").strip("\r\n"))
-        if lines[0].strip() != "ply":
-            raise InputError("ply.first_line", lines=lines[0][:20])
-        if lines[-1].strip() == "end_header":
-            return lines[1:-1]
-        if not line:
-            break
-    raise InputError("ply.header_end")
-
-
-def _parse(header: list[str]):
-    """Encoding, comments, elements (name, count, dtype) and the lines from a list element on."""
-    encoding, comments, declared = "", [], []
-    starts = [i for i, line in enumerate(header) if line.startswith("element ")]
-    lists = [i for i, line in enumerate(header) if line.startswith("property list ")]
-    first_list = max((i for i in starts if lists and i < lists[0]), default=len(header))
-    for line in header[:first_list]:
-        words = line.split()
-        if not words or words[0] == "obj_info":
-            continue
-        if words[0] == "comment":
-            comments.append(line[8:])
-        elif words[0] == "format" and len(words) > 1 and words[1] in _ORDERS:
-            encoding = words[1]
-        elif words[0] == "element" and len(words) == 3:
-            declared.append((words[1], int(words[2]), []))
-        elif words[0] == "property" and len(words) == 3 and words[1] in _TYPES and declared:
-            declared[-1][2].append((words[2], _TYPES[words[1]]))
-        else:
-            raise InputError("ply.header_line", line=line[:60])
-    if not encoding:
-        raise InputError("ply.header_names")
-    elements = [(name, count, np.dtype(fields)) for name, count, fields in declared]
-    return encoding, tuple(comments), elements, tuple(header[first_list:])
-
-
-def _ascii_rows(file: BinaryIO, count: int, dtype: np.dtype) -> np.ndarray:
-    if count > os.fstat(file.fileno()).st_size:
-        raise InputError("ply.rows_announced", count=count)
-    rows = [tuple(file.readline().split()) for _ in range(count)]
-    if rows and {len(row) for row in rows} != {len(dtype.names or ())}:
-        raise InputError("ply.row_values", count=len(dtype.names or ()))
-    table = np.empty(count, dtype=dtype)
-    for name, values in zip(dtype.names or (), zip(*rows, strict=True), strict=False):
-        table[name] = np.array(values, dtype="S").astype(dtype[name])
-    return table
 
 
 # SuperSplat's packed PLY: chunks of 256 splats, values as bits between the bounds of a chunk.

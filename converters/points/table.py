@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import os
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
@@ -90,6 +91,10 @@ class PointTable:
         comments = (*self.comments, comment) if comment else self.comments
         return replace(self, columns={**self.columns, **extra}, comments=comments)
 
+    def only(self, rows: np.ndarray | slice) -> PointTable:
+        """Return some of the points, without what stands beside them."""
+        return PointTable({name: np.asarray(v)[rows] for name, v in self.columns.items()})
+
     def items(self) -> Iterator[Keeps]:
         """What a file of the table has to keep; of its own format also what stands beside."""
         if len(self.columns) > len(XYZ):
@@ -130,17 +135,54 @@ COLUMN_ARCHIVE = Format(
 )
 
 
-# Text clouds, .xyz: rows of x y z and unnamed columns; read only, since names have no place.
+# Text clouds, .xyz: rows of x y z and further columns; read only, since names have no place.
+
+_DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+([eE][-+]?\d+)?")
+_SYMBOL = re.compile(r"[A-Z][a-z]?\d*")  # of a chemical element
 
 
 def read_xyz(path: str | os.PathLike) -> PointTable:
-    """Read rows of numbers; the fourth and later ones become column_3, column_4 ..."""
+    """Read rows of numbers between blanks, tabs, commas or semicolons, and a header of names.
+
+    Columns without a name are column_3, column_4 ...; a first line that counts the rows goes.
+
+    Raises InputError: For atoms of a molecule, and where the first column counts the rows.
+    """
     with reading(path, Note("table.text_file")) as source:
-        rows = np.loadtxt(source, ndmin=2)
-        if rows.shape[1] < 3:
-            raise InputError("table.rows_numbers", shape=rows.shape[1])
-        names = [*XYZ, *(f"column_{i}" for i in range(3, rows.shape[1]))]
-        return PointTable(dict(zip(names, rows.T, strict=True)))
+        text = source.read_text(encoding="utf-8-sig", errors="replace")
+        lines = [line.strip() for line in text.splitlines() if line.strip()]
+        marked = [line.lstrip("#/ ") for line in lines if line.startswith(("#", "//"))]
+        lines = [line for line in lines if not line.startswith(("#", "//"))]
+        # Blanks between numbers: then a comma within one is its decimal point
+        some = lines[-1:] or [""]
+        between = ";" if ";" in some[0] else None
+        if all(_DECIMAL_COMMA.fullmatch(word.strip()) for word in some[0].split(between)):
+            lines = [line.replace(",", ".") for line in lines]
+        rows = [line.replace(";", " ").replace(",", " ").split() for line in lines]
+        if any(len(row) > 3 and _SYMBOL.fullmatch(row[0]) for row in rows[1:3]):
+            raise InputError("table.atoms")
+        if len(rows) > 1 and len(rows[0]) == 1 and rows[0][0] == str(len(rows) - 1):
+            rows = rows[1:]
+        header = marked[-1].replace(",", " ").split() if marked else []
+        if rows and not _is_number(rows[0][0]):
+            header, rows = rows[0], rows[1:]
+        table = np.array(rows, dtype=np.float64)
+        if table.ndim != 2 or table.shape[1] < 3:
+            raise InputError("table.rows_numbers", shape=table.shape[-1])
+        named = [name.lower() for name in header]
+        if len(named) != table.shape[1] or not {*XYZ} <= {*named} or len({*named}) < len(named):
+            named = [*XYZ, *(f"column_{i}" for i in range(3, table.shape[1]))]
+            if table.shape[1] > 3 and (np.diff(table[:, 0]) == 1).all() and len(table) > 2:
+                raise InputError("table.counted")
+        return PointTable(dict(zip(named, table.T, strict=True)))
+
+
+def _is_number(word: str) -> bool:
+    try:
+        float(word)
+    except ValueError:
+        return False
+    return True
 
 
 XYZ_FILE = Format("text cloud", (".xyz",), read_xyz)

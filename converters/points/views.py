@@ -159,8 +159,7 @@ EDGES = (0.005, 0.995)
 
 def thinned(table: PointTable) -> PointTable:
     """At most ``FEW`` splats of a table, evenly taken, to choose a camera by."""
-    step = max(1, len(table) // FEW)
-    return PointTable({name: np.asarray(v)[::step] for name, v in table.columns.items()})
+    return table.only(slice(None, None, max(1, len(table) // FEW)))
 
 
 def chosen_camera(frames: Sequence[PointTable], up: UpAxis) -> Camera:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal, NamedTuple
 
@@ -13,9 +13,10 @@ import numpy as np
 from ...fem.errors import UsageError
 from ...fem.material import GRAIN, material_arrays
 from ...fem.mesh import TetMesh, material_of
+from ...fem.note import Note
 from ...fem.scene.supports import Supports
 from ...predictors.asset import UpAxis
-from ..mesh.meshdata import WHOLE, items_of
+from ..mesh.meshdata import WHOLE, far_offset, items_of
 from ..mesh.msh import write_msh
 from ..registry import PROGRAMS, Format, Keeps, Program
 from .material_bins import BinError, NameStyle, bin_materials, named_arrays
@@ -76,6 +77,10 @@ def export_mesh(
     material_of(mesh)
     lost = form.loses(options.items(mesh))
     notes = tuple(program.notes(mesh, options)) if program.notes else ()
+    if form.single and (offset := far_offset(mesh)).any():
+        mesh = replace(mesh, points=mesh.points - offset)
+        x, y, z = offset.tolist()
+        notes = (*notes, Note("export.recentred", x=x, y=y, z=z))
     if not form.binned:
         return Exported(form.write(path, mesh, options), None, None, lost, notes)
     binned = bin_materials(mesh, bins=bins, grain=Keeps.GRAIN in form.binned)

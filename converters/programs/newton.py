@@ -44,7 +44,15 @@ def _write_npz(path: Path, mesh: TetMesh, options: SceneOptions) -> list[Path]:
 
 NEWTON = Program(
     (
-        Format("legacy VTK", (".vtk",), write=_write_vtk, keeps=MATERIAL | {Keeps.REGIONS}),
-        Format("Newton archive", (".npz",), write=_write_npz, keeps=frozenset({Keeps.E, Keeps.NU})),
+        Format(
+            "legacy VTK", (".vtk",), write=_write_vtk, keeps=MATERIAL | {Keeps.REGIONS}, single=True
+        ),
+        Format(
+            "Newton archive",
+            (".npz",),
+            write=_write_npz,
+            keeps=frozenset({Keeps.E, Keeps.NU}),
+            single=True,
+        ),
     )
 )

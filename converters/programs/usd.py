@@ -57,7 +57,9 @@ def _write(path: Path, mesh: TetMesh, bins: Bins, options: SceneOptions) -> list
     return [path]
 
 
-USD = Program((Format("USD stage", (".usda",), write=_write, keeps=MATERIAL, binned=MATERIAL),))
+USD = Program(
+    (Format("USD stage", (".usda",), write=_write, keeps=MATERIAL, binned=MATERIAL, single=True),)
+)
 
 
 def _tet_mesh(mesh: TetMesh, bins: Bins) -> Iterator[str]:

@@ -258,7 +258,11 @@ class GrownPattern:
 
 
 def node_supports(supports: Supports, space: Space) -> Supports:
-    """Continue ``supports`` to all nodes of ``space``: an edge is held where both its ends are."""
+    """Continue ``supports`` to all nodes of ``space``.
+
+    The middle of an edge is held with both its ends, on the surface and by one place: what lies
+    across the body between two held faces is free.
+    """
     if len(supports.fixed) == len(space.nodes):
         return supports
     if len(supports.fixed) != space.points:
@@ -269,11 +273,17 @@ def node_supports(supports: Supports, space: Space) -> Supports:
             count_2=len(space.nodes),
             order=space.order,
         )
-    edges = space.edges
+    edges, outer = space.edges, space.outer_edges[:, None]
+    places = [
+        np.concatenate([place, place[edges].all(axis=1) & outer]) for place in supports.places
+    ]
+    fixed = np.concatenate([supports.fixed, np.zeros((len(edges), 3), dtype=bool)])
     return Supports(
-        np.concatenate([supports.fixed, supports.fixed[edges].all(axis=1)]),
+        np.any([fixed, *places], axis=0),
         extend_linear(space, supports.values),
         np.concatenate([supports.springs, np.zeros((len(edges), 3))]),
+        supports.assumed,
+        tuple(places),
     )
 
 

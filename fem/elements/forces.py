@@ -13,6 +13,7 @@ from ..errors import InputError
 from ..mesh import TetMesh, face_areas, material_of
 from ..note import Note
 from ..scene.loads import Traction
+from ..scene.supports import Supports
 from ..validation import checked_rows, checked_vector
 from .assembly import Discretisation
 from .space import TET_POINTS, Space, duffy_rule, extend_linear, shape_functions
@@ -147,6 +148,18 @@ def lumped_mass(mesh: TetMesh, space: Space) -> Float[np.ndarray, "nodes"]:
     """Mass [kg] of every node, from the density of every tet."""
     mass = material_of(mesh).rho * mesh.volumes
     return sum_at_nodes(space, mass[:, None] * mass_fractions(space.order))
+
+
+def weighing_mass(
+    mesh: TetMesh, grid: Discretisation, supports: Supports
+) -> Float[np.ndarray, "nodes"]:
+    """Mass [kg] by which every node weighs: by the shape functions, where something holds the body.
+
+    Of a free body it is the lumped one: it falls as a whole then.
+    """
+    if not (supports.fixed.any() or supports.springs.any()):
+        return lumped_mass(mesh, grid.space)
+    return nodal_integral(grid, grid.constant(material_of(mesh).rho))
 
 
 def consistent_mass(mesh: TetMesh, grid: Discretisation) -> Any:

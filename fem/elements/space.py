@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from ..errors import InputError
-from ..mesh import TetMesh
+from ..mesh import TetMesh, boundary_faces
 
 # Edges of a tet in the order of VTK's quadratic tetrahedron: node 4 + k lies on edge k.
 EDGES = np.array([[0, 1], [1, 2], [0, 2], [0, 3], [1, 3], [2, 3]])
@@ -39,6 +40,18 @@ class Space:
     def points(self) -> int:
         """Number of mesh points, which are the first nodes."""
         return len(self.nodes) - len(self.edges)
+
+    @cached_property
+    def outer_edges(self) -> Bool[np.ndarray, "edges"]:
+        """Whether an edge lies on the surface of the body."""
+        outer = np.zeros(len(self.edges), dtype=bool)
+        if self.order == 2:
+            faces, tet = boundary_faces(self.elements[:, :4])
+            around = [[k for k, ends in enumerate(EDGES) if f not in ends] for f in range(4)]
+            opposite = self.elements[tet, :4]
+            face = (opposite[:, :, None] != faces[:, None]).all(axis=2).argmax(axis=1)
+            outer[self.elements[tet[:, None], 4 + np.array(around)[face]] - self.points] = True
+        return outer
 
     @property
     def unused(self) -> Int[np.ndarray, "unused"]:
@@ -112,9 +125,9 @@ def element_points(order: int) -> np.ndarray:
     return TET_POINTS if order == 2 else CENTROID
 
 
-def duffy_rule() -> Quadrature:
-    """Rule that is exact to degree 5: Duffy's map of Gauss points."""
-    t, w = np.polynomial.legendre.leggauss(4)
+def duffy_rule(count: int = 4) -> Quadrature:
+    """Rule that is exact to degree 2 ``count`` - 3: Duffy's map of Gauss points."""
+    t, w = np.polynomial.legendre.leggauss(count)
     t, w = (t + 1) / 2, w / 2
     a, b, c = (v.ravel() for v in np.meshgrid(t, t, t, indexing="ij"))
     weight = np.einsum("i,j,k->ijk", w, w, w).ravel() * (1 - a) ** 2 * (1 - b) * 6

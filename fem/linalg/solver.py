@@ -51,7 +51,7 @@ class Solution(NamedTuple):
 
     ``floor`` is the relative residual that round-off alone leaves, ``change`` what one more
     correction of such an x adds to it, as a share; ``suspect`` says that the matrix looks singular;
-    ``solver`` names what found it, and what was tried before in vain.
+    ``solver`` names what found it, and what was tried before in vain; ``cycle`` is that of CG.
     """
 
     x: np.ndarray
@@ -61,6 +61,7 @@ class Solution(NamedTuple):
     suspect: bool = False
     change: float = 0.0
     solver: str = ""
+    cycle: Inverse | None = None
 
     def reached(self, tolerance: float) -> bool:
         """Whether x is as good as wanted, or as fp64 allows and still known well enough."""
@@ -198,7 +199,8 @@ def solve_iterative(
     error, iterations = norm(rest), cg.finish()
     x = size * solution.numpy()
     if error <= tolerance:
-        return Solution(x, error, iterations, 0.0, solver=name)
+        kept = None if cycle.device.is_cuda else _cycle_inverse(system, cycle)
+        return Solution(x, error, iterations, 0.0, solver=name, cycle=kept)
     weight = (abs(system.matrix.to_scipy()) @ np.abs(cg.x.numpy()).reshape(-1)).reshape(-1, 3)
     total = np.einsum("nij,nj->ni", np.abs(system.lower.numpy()), weight)
     floor = 64 * np.finfo(float).eps * float(np.linalg.norm(total))
@@ -239,6 +241,54 @@ def rough_inverse(
         return size * load.numpy()
 
     return solve
+
+
+class Inverse(NamedTuple):
+    """Product ``times`` with a matrix, and ``near`` its inverse; both of vectors (nodes, 3)."""
+
+    times: Callable[[np.ndarray], np.ndarray]
+    near: Callable[[np.ndarray], np.ndarray]
+
+
+def _cycle_inverse(system: Scaled, cycle: TwoLevel) -> Inverse:
+    """One V-cycle, and the matrix that ``system`` was made of, on the CPU."""
+    from . import kernels_krylov as k
+
+    wp, nodes, A = start_warp(), system.matrix.nodes, system.matrix
+    launch = Recorder(nodes, cycle.device)
+    x, y = (wp.zeros(nodes, dtype=wp.vec3d, device="cpu") for _ in range(2))
+    into = launch(k.block_multiply, [system.inverse, x, False, cycle.r])
+    out = launch(k.block_multiply, [system.inverse, cycle.z, True, y])
+    scaled = launch(k.block_multiply, [system.lower, x, True, cycle.r])
+    product = A.product(cycle.r, cycle.z)
+    back = launch(k.block_multiply, [system.lower, cycle.z, False, y])
+
+    def run(b: np.ndarray, *work: Callable[[], None]) -> np.ndarray:
+        x.assign(b)
+        for each in work:
+            each()
+        return y.numpy().copy()
+
+    return Inverse(
+        lambda b: run(b, scaled.launch, product.launch, back.launch),
+        lambda b: run(b, into.launch, cycle.apply, out.launch),
+    )
+
+
+def rough_factor(
+    matrix: BlockMatrix, *, points: np.ndarray, fixed: np.ndarray, edges: np.ndarray | None
+) -> Inverse:
+    """One V-cycle for a ``matrix``, which stays; the factor of a small one.
+
+    The rest is as in ``solve_system``.
+    """
+    matrix = matrix.to("cpu")
+    if 3 * matrix.nodes <= DIRECT:
+        plan = planned_elimination(matrix, edges)
+        return Inverse(matrix.times, cached_factor(matrix, plan).solve)
+    system = scale(BlockMatrix(matrix.rows, matrix.columns, start_warp().clone(matrix.values)))
+    cycle = TwoLevel(system, points, fixed, edges=_level_edges(matrix, edges))
+    return _cycle_inverse(system, cycle)
 
 
 # What solved the last system on a GPU, if any: graphs of launches on arrays that the next one of

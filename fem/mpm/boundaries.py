@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
@@ -11,7 +12,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from ..errors import InputError
-from ..mesh import TetMesh, face_normals
+from ..mesh import TetMesh, face_areas, face_normals
 from ..scene.obstacles import Distance, Obstacle, Plane
 from ..scene.scene import Scene
 from ..scene.supports import Supports
@@ -22,8 +23,9 @@ from ..scene.up import up_index
 DEPTH = 0.66
 # Room around the body [over its longest side] in which particles may move.
 ROOM = 0.5
-# And beside a held face, and around a held point.
-SIDE, AROUND = 0.75, 0.6
+# And around a held point. A node beside a held face is held with the body next to it: with what of
+# that lies by the face, but for half a spacing.
+AROUND, BESIDE = 0.6, 0.5
 
 
 class Touch(IntEnum):
@@ -78,12 +80,14 @@ class FixedPlaces:
     """Where a body is held: outside of its held faces, and around its held points.
 
     ``samples`` [m] on held faces and their outward ``normals``; ``points`` [m] of no held face;
-    ``spacing`` [m] of the grid, and the ``velocity`` [m/s] of what holds.
+    ``body`` [m] are places in the body, ``spacing`` [m] is that of the grid, ``velocity`` [m/s]
+    that of what holds.
     """
 
     samples: Float[np.ndarray, "m 3"]
     normals: Float[np.ndarray, "m 3"]
     points: Float[np.ndarray, "k 3"]
+    body: Float[np.ndarray, "n 3"]
     spacing: float
     velocity: Sequence[float] = (0.0, 0.0, 0.0)
 
@@ -94,19 +98,41 @@ class FixedPlaces:
         gap, normal = np.full(len(x), np.inf), np.zeros_like(x)
         if len(self.samples):
             row = KDTree(self.samples).query(x)[1]
-            way, normal = x - self.samples[row], -self.normals[row]
-            along = -(way * normal).sum(axis=1)
-            side = np.linalg.norm(way + along[:, None] * normal, axis=1)
-            gap = np.maximum(-(along + DEPTH * self.spacing), side - SIDE * self.spacing)
+            normal = -self.normals[row]
+            along = -((x - self.samples[row]) * normal).sum(axis=1)
+            way = self.body[KDTree(self.body).query(x)[1]] - self.samples[row]
+            side = np.linalg.norm(way - (way * normal).sum(axis=1)[:, None] * normal, axis=1)
+            gap = np.maximum(-(along + DEPTH * self.spacing), side - BESIDE * self.spacing)
         if len(self.points):
             gap = np.minimum(gap, KDTree(self.points).query(x)[0] - AROUND * self.spacing)
         return Distance(gap, normal)
 
 
-def scene_room(scene: Scene, spacing: float) -> BackgroundGrid:
-    """Grid around the body and where it may move: down to planes that it falls on."""
+def scene_room(scene: Scene, cells: int) -> BackgroundGrid:
+    """Grid of ``cells`` along the longest side: around the body, and down to planes it falls on.
+
+    Its nodes lie on the body's sides, and ``CLAMP_OFFSET`` inside its largest fixed face along
+    every axis; between two fixed faces the spacing is a little less, so that both get them there.
+    """
     low, high = scene.mesh.bounds
-    side = ROOM * float((high - low).max())
+    spacing, side = scene.longest / cells, ROOM * float((high - low).max())
+    held, faces = scene.held.fixed, scene.mesh.boundary.faces
+    areas, normals = face_areas(scene.mesh.points, faces), face_normals(scene.mesh.points, faces)
+    fixed: dict[int, list[tuple[float, float, float]]] = {}  # by axis: area, place, way out
+    for axis, way in itertools.product(range(3), (-1.0, 1.0)):
+        along = (way * normals[:, axis] > 1 - 1e-6) & held[faces, axis].all(axis=1)
+        if along.any():
+            places = scene.mesh.points[faces[along, 0], axis]
+            place = way * float((way * places).max())
+            fixed.setdefault(axis, []).append((float(areas[along].sum()), place, way))
+    for (_, below, _), (_, above, _) in (f for f in fixed.values() if len(f) == 2):
+        if (apart := above - below) > spacing:
+            spacing = apart / (np.ceil(apart / spacing - 2 * CLAMP_OFFSET) + 2 * CLAMP_OFFSET)
+            break
+    planes = {axis: float(low[axis]) for axis in range(3)}
+    for axis, places in fixed.items():
+        _, place, way = max(places)
+        planes[axis] = place - way * CLAMP_OFFSET * spacing
     reach = [low - side, high + side]
     for wall in (*scene.obstacles, *([scene.ground] if scene.ground else [])):
         if isinstance(wall, Plane):
@@ -114,19 +140,22 @@ def scene_room(scene: Scene, spacing: float) -> BackgroundGrid:
             corner = np.where(normal < 0, high, low)
             foot = corner + normal * min(0.0, float((np.asarray(wall.point) - corner) @ normal))
             reach.append(foot)
-    lows, highs = np.min(reach, axis=0), np.max(reach, axis=0)
-    first = next(iter(scene.obstacles), None)
-    if isinstance(first, Plane) and abs(first.normal[up_index(scene.up)]) > 1 - 1e-9:
-        level = {up_index(scene.up): float(first.point[up_index(scene.up)])}
-        return grid_around(lows, highs, spacing, planes=level)
-    return grid_around(lows, highs, spacing)
+    first, k = next(iter(scene.obstacles), None), up_index(scene.up)
+    if isinstance(first, Plane) and abs(first.normal[k]) > 1 - 1e-9:
+        planes[k] = float(first.point[k])
+    return grid_around(np.min(reach, axis=0), np.max(reach, axis=0), spacing, planes=planes)
 
 
 def support_boundaries(
-    mesh: TetMesh, supports: Supports, spacing: float, duration: float
+    mesh: TetMesh,
+    supports: Supports,
+    rest: Float[np.ndarray, "particles 3"],
+    spacing: float,
+    duration: float,
 ) -> tuple[Wall, ...]:
     """Walls of the supports of a mesh; prescribed displacements are reached after ``duration`` [s].
 
+    ``rest`` are the places [m] of its particles, on a grid of ``spacing`` [m].
     ``InputError`` where there are springs.
     """
     if supports.springs.any():
@@ -144,7 +173,7 @@ def support_boundaries(
         samples, of = _face_samples(mesh.points, faces, spacing / 2)
         normals = face_normals(mesh.points, faces)[of]
         fixed[faces] = False
-        place = FixedPlaces(samples, normals, mesh.points[fixed], spacing, velocity)
+        place = FixedPlaces(samples, normals, mesh.points[fixed], rest, spacing, velocity)
         if len(axes) == 3:
             walls.append(Wall(shape=place, touch=Touch.STICKY))
         for axis in axes if len(axes) < 3 else ():

@@ -7,17 +7,27 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ..errors import UsageError
+from ..errors import InputError, UsageError
 from ..laws.law import Law
 from ..mesh import material_of
 from ..note import Note
 from ..scene.scene import Scene
 from ..solve.method import FrameProgress
-from ..solve.result import Motion, MotionResult, ParticleRun
+from ..solve.result import Breakage, Motion, MotionResult, ParticleRun
 from ..validation import checked_count, checked_number, checked_positive
 from .boundaries import Wall, scene_room, support_boundaries
 from .materials import MaterialClass, Substance
-from .particles import Followers, Particles, ParticleState, particle_forces, sample_tets
+from .particles import (
+    TORN,
+    Followers,
+    Particles,
+    ParticleState,
+    crack_band,
+    particle_forces,
+    pieces_of,
+    sample_tets,
+    stress_left,
+)
 from .rigid import Stiff, Treatment, near_fixed, treated
 from .solver import MpmSolver
 from .time_step import BUDGET, COURANT, MpmError, largest_modulus, stable_step
@@ -100,7 +110,9 @@ class MpmMethod:
         ------
         UsageError
             Where an ``order`` is asked for, which is for elements, a ``law`` that jelly here does
-            not have, or a substance of a part that there is not.
+            not have, a substance of a part that there is not, or plates close on a rigid body.
+        InputError
+            Where an obstacle starts in the body.
         MpmError
             Where the run fails.
         """
@@ -147,8 +159,9 @@ class _Run:
         """Particles of the body, what becomes of stiff ones, boundaries, and the solver."""
         mesh, material = scene.mesh, material_of(scene.mesh)
         names, held = mesh.region_names, scene.held
-        spacing, gravity = scene.longest / method.grid, np.asarray(scene.gravity_vector, float)
-        room = scene_room(scene, spacing)  # or the grid is refused, before anything is made for it
+        gravity = np.asarray(scene.gravity_vector, dtype=float)
+        room = scene_room(scene, method.grid)  # or it is refused, before anything is made for it
+        spacing = room.spacing
         unknown = sorted(set(method.substances) - set(names))
         if unknown:
             raise UsageError("method.part", unknown=unknown[0], region_names=", ".join(names))
@@ -195,15 +208,22 @@ class _Run:
         self.scene, self.treatment, self.room = scene, treatment, room
         self.solver, self.notes, self.time = None, tuple(notes), 0.0
         if not particles.held.all():
+            for number, obstacle in enumerate(scene.obstacles, 1):
+                if not obstacle.distance(particles.x[~particles.held]).gap.min() > 0:
+                    raise InputError("method.body_starts", number=number)
             walls = [Wall(shape=obstacle, friction=scene.friction) for obstacle in scene.obstacles]
+            if treatment.rigid and sum(wall.moves for wall in walls) > 1:
+                stiff = {particles.parts[i] for i in particles.part[particles.rigid >= 0]}
+                raise UsageError("method.rigid_squeezed", parts=", ".join(sorted(stiff)))
             walls += [] if scene.ground is None else [Wall(shape=scene.ground)]
+            walls += support_boundaries(mesh, held, particles.x, spacing, scene.duration)
             # Whether it is jelly alone, held, and meets nothing: weights at rest forget nothing
             moving = particles.kinds[~particles.held] == MaterialClass.JELLY
             still = moving.all() and not scene.obstacles and held.fixed.any()
             self.solver = MpmSolver(
                 particles,
                 room,
-                walls=[*walls, *support_boundaries(mesh, held, spacing, scene.duration)],
+                walls=walls,
                 gravity_vector=gravity,
                 damping=method.damping,
                 lagrangian=bool(still and not any(s.tears for s in particles.substances)),
@@ -274,6 +294,34 @@ class _Run:
             iterations=0,
         )
 
+    def breakage(self) -> Breakage:
+        """What tore until now."""
+        particles, spacing = self.treatment.particles, self.room.spacing
+        x, volume = particles.x, particles.volume
+        able = np.array([s.tears for s in particles.substances])[particles.substance]
+        able &= particles.kinds == MaterialClass.JELLY
+        torn, spends = np.zeros(len(x), dtype=bool), 1.0
+        if self.solver is not None and able.any():
+            _, softening, _ = particles.numbers(spacing).T
+            q = self.solver.state.q
+            torn = able & (stress_left(q, softening) < TORN)
+            for i in np.unique(particles.substance[able]):
+                one, rows = particles.substances[i], able & (particles.substance == i)
+                if one.tension and one.fracture_energy:
+                    band = crack_band(one.tension, one.fracture_energy, particles.E[rows], spacing)
+                    spends = max(spends, float(band.spends.max()))
+        judged, lost = float(volume[able].sum()), float(volume[torn].sum())
+        place = volume[torn] @ x[torn] / lost if lost else np.full(3, np.nan)
+        return Breakage(
+            judged=judged / float(volume.sum()),
+            fraction=lost / judged if judged else 0.0,
+            parts=tuple(particles.parts[i] for i in np.unique(particles.part[torn])),
+            place=(float(place[0]), float(place[1]), float(place[2])),
+            pieces=pieces_of(x[~torn], volume[~torn], spacing),
+            pieces_before=pieces_of(x, volume, spacing),
+            crack_energy=spends,
+        )
+
     def record(self) -> ParticleRun:
         """What is kept of the particles themselves."""
         solver, treatment, notes = self.solver, self.treatment, self.notes
@@ -294,6 +342,7 @@ class _Run:
             plan=self.plan,
             notes=notes,
             laws=tuple(sorted({one.law for one in particles.substances})),
+            breakage=self.breakage(),
             part=particles.part,
             positions=np.stack(self.positions),
             gradients=np.stack(self.gradients),

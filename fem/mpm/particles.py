@@ -135,9 +135,9 @@ class Particles:
                 numbers[rows, 0] = (lam + 2 * mu / 3)[rows]
             if substance.tears and substance.tension and substance.fracture_energy:
                 scatter = np.random.default_rng(substance.seed).standard_normal(int(rows.sum()))
-                tension = substance.tension * np.clip(1 + SCATTER * scatter, 0.5, 1.5)
+                tension = substance.tension * (1 + SCATTER * np.minimum(np.abs(scatter), 3.0))
                 band = crack_band(tension, substance.fracture_energy, self.E[rows], spacing)
-                numbers[rows, 0], numbers[rows, 1] = band.tension, band.softening
+                numbers[rows, 0], numbers[rows, 1] = tension, band.softening
         return numbers
 
     def only(self, keep: Bool[np.ndarray, "n"]) -> Particles:
@@ -145,6 +145,37 @@ class Particles:
         arrays = {f.name: getattr(self, f.name) for f in fields(self)}
         kept = {name: a[keep] for name, a in arrays.items() if isinstance(a, np.ndarray)}
         return replace(self, **kept)
+
+
+def rigid_labels(x: Float[np.ndarray, "n 3"], reach: float) -> Int[np.ndarray, "n"]:
+    """Number of the body of every place: those within ``reach`` of each other are one.
+
+    Parameters
+    ----------
+    x
+        Places [m], shape (n, 3).
+    reach
+        How far apart neighbours may be [m].
+
+    Returns
+    -------
+    array
+        Numbers of bodies from 0, shape (n,).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from autophyx_tet.fem import rigid_labels
+    >>> rigid_labels(np.array([[0.0, 0, 0], [0.9, 0, 0], [5.0, 0, 0]]), reach=1.0).tolist()
+    [0, 0, 1]
+    """
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+    from scipy.spatial import KDTree
+
+    pairs = KDTree(x).query_pairs(reach, output_type="ndarray").T
+    graph = coo_array((np.ones(pairs.shape[1], dtype=np.int8), tuple(pairs)), shape=(len(x),) * 2)
+    return connected_components(graph, directed=False)[1].astype(np.int64)
 
 
 class ParticleState(NamedTuple):
@@ -176,34 +207,55 @@ def block_places(
 # cells, wherever between the nodes it opens; with 1.75 or less two may open. Where a bar stores
 # more energy than its crack needs, waves open others: up to 1.5 times as much is spent.
 BAND = 1.8
-# Tensile strengths of particles differ by this fraction (standard deviation), for no body is
-# perfect.
+# Tensile strengths of particles lie above that of the matter by this fraction (of the half of a
+# normal distribution), for no body is perfect, and none tears below its strength.
 SCATTER = 0.1
 # G_f E / (l_c f_t^2) at least: below one half the stress would snap back.
 LEAST = 1 / 1.9
+# A particle is torn where damage leaves less than this fraction of its stress.
+TORN = 0.5
+# Particles within so many spacings, two to a cell and axis, are of one piece, and a piece is no
+# crumb from this fraction of the body on.
+REACH, CRUMB = 0.9, 0.01
 
 
 class CrackBand(NamedTuple):
-    """Strength ``tension`` f_t [Pa], ``softening`` H_s [1], where the strength is ``lowered``."""
+    """``softening`` H_s [1], and how many times G_f a crack ``spends`` [1] on this grid."""
 
-    tension: np.ndarray
     softening: np.ndarray
-    lowered: np.ndarray
+    spends: np.ndarray
 
 
 def crack_band(tension, energy: float, E, spacing: float) -> CrackBand:
     """Softening after f_t: sigma = f_t exp(-H_s (k - 1)) spends G_f over the band l_c.
 
     ``tension`` f_t [Pa] and ``E`` [Pa] are arrays, ``energy`` G_f [J/m^2]: 1/H_s = G_f E / (l_c
-    f_t^2) - 1/2. Where that is not positive (the cells are too large for so brittle a matter), f_t
-    is lowered to sqrt(1.9 G_f E / l_c).
+    f_t^2) - 1/2. Where that is not positive (the cells are too large for so brittle a matter) the
+    strength stays, and a crack spends more: what the band stores when it breaks.
     """
-    tension, E = np.broadcast_arrays(np.asarray(tension, dtype=float), np.asarray(E, dtype=float))
-    width = BAND * spacing
-    most = np.sqrt(energy * E / (width * LEAST))
-    lowered = tension > most
-    strength = np.where(lowered, most, tension)
-    return CrackBand(strength, 1 / (energy * E / (width * strength**2) - 0.5), lowered)
+    least = LEAST * BAND * spacing * np.asarray(tension, dtype=float) ** 2 / E
+    spends = np.maximum(least / energy, 1.0)
+    return CrackBand(1 / (LEAST * spends * energy / least - 0.5), spends)
+
+
+def stress_left(
+    q: Float[np.ndarray, "n"], softening: Float[np.ndarray, "n"]
+) -> Float[np.ndarray, "n"]:
+    """Fraction of its stress that damage ``q`` (largest sigma_1 / f_t) leaves matter [1]."""
+    q = np.maximum(q, 1.0)
+    return np.exp(-softening * (q - 1)) / q
+
+
+def pieces_of(x: Float[np.ndarray, "n 3"], volume: Float[np.ndarray, "n"], spacing: float) -> int:
+    """Number of pieces that particles at ``x`` [m] are in, beside crumbs, of a grid's ``spacing``.
+
+    Particles deep in rigid bodies, merged to one of several cells, join nothing.
+    """
+    own = volume < spacing**3
+    if not own.any():
+        return 0
+    size = np.bincount(rigid_labels(x[own], REACH * spacing), volume[own])
+    return int((size > CRUMB * size.sum()).sum())
 
 
 def without_cracks(
@@ -215,7 +267,7 @@ def without_cracks(
     together stays so.
     """
     torn = q > 1
-    keep = np.exp(-softening[torn] * (q[torn] - 1)) / q[torn]
+    keep = stress_left(q[torn], softening[torn])
     left, s, right = np.linalg.svd(F[torn])
     s = np.where(s > 1, 1 + keep[:, None] * (s - 1), s)
     whole = F.copy()
@@ -227,6 +279,8 @@ def without_cracks(
 
 # Pairs of tet and place that are tested at a time: 20 MB.
 PAIRS = 200_000
+# A region is missed by a regular grid whose places stand for less than this fraction of it.
+MISSED = 0.5
 # A place on a face is in a tet down to this barycentric coordinate.
 ON_FACE = -1e-9
 # Particles that a point follows: those around it in every direction.
@@ -257,7 +311,7 @@ def sample_tets(
     """Fill ``mesh`` with 8 particles a cell of a grid of ``spacing`` [m]; 64 in what is thin.
 
     ``bends`` are the regions that finer particles help: by default none. The volumes add up to that
-    of every region; a region that no place lies in gets its largest tet.
+    of every region; one that places hardly lie in has one in every cube that it meets.
     """
     # Thickness of the parts by volume over surface: half of a plate, a quarter of a rod
     thickness = np.full(len(mesh.region_names), np.inf)
@@ -275,15 +329,40 @@ def sample_tets(
             places.append(place)
             owners.append(owner)
     x, tet = np.concatenate(places), np.concatenate(owners)
-    for region in np.setdiff1d(np.unique(mesh.region), mesh.region[tet]):
-        largest = int(np.argmax(np.where(mesh.region == region, mesh.volumes, -1.0)))
-        x = np.concatenate([x, mesh.points[mesh.tets[largest]].mean(axis=0)[None]])
-        tet = np.append(tet, largest)
-    region = mesh.region[tet]
     volumes = np.bincount(mesh.region, mesh.volumes, len(mesh.region_names))
+    found = np.bincount(mesh.region[tet], minlength=len(mesh.region_names))
+    h = spacing / ALONG
+    for region in np.flatnonzero(np.maximum(found, 1e-9) * h**3 < MISSED * volumes):
+        # Thinner than the grid of places, and between its planes: one in every cube that it meets
+        own = np.flatnonzero(mesh.region == region)
+        kept = mesh.region[tet] != region
+        place, owner = _met_cubes(mesh, own, h)
+        x, tet = np.concatenate([x[kept], place]), np.concatenate([tet[kept], owner])
+    region = mesh.region[tet]
     counts = np.bincount(region, minlength=len(mesh.region_names))
     names = tuple(mesh.region_names[k] for k in np.flatnonzero(thin))
     return TetSample(x, tet, (volumes / np.maximum(counts, 1))[region], names)
+
+
+def _met_cubes(
+    mesh: TetMesh, tets: Int[np.ndarray, "some"], h: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """A place [m] of some tets in every cube of edge ``h`` [m] that they meet, and its tet."""
+    corners = mesh.points[mesh.tets[tets]]
+    edges = np.linalg.norm(corners[:, :, None] - corners[:, None], axis=3).max(axis=(1, 2))
+    places, owners = [], []
+    for n in np.unique(parts := np.ceil(2 * edges / h).astype(np.int64)):
+        some = np.flatnonzero(parts == n)
+        # Middles of the parts of a tet whose edges are divided by n
+        ids = np.stack(np.meshgrid(*[np.arange(n)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
+        ids = ids[ids.sum(axis=1) < n]
+        weights = np.column_stack([ids, n - 1 - ids.sum(axis=1)]) / n + 1 / (4 * n)
+        places.append(np.einsum("sk,tki->tsi", weights, corners[some]).reshape(-1, 3))
+        owners.append(np.repeat(tets[some], len(weights)))
+    x, owner = np.concatenate(places), np.concatenate(owners)
+    cube = np.floor((x - mesh.bounds[0]) / h).astype(np.int64)
+    _, first = np.unique(cube, axis=0, return_index=True)
+    return x[first], owner[first]
 
 
 def _grid_places(

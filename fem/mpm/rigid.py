@@ -7,14 +7,14 @@ from enum import StrEnum
 from typing import Any
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float
 
 from ..device import start_warp
 from ..note import Note
 from ..scene.supports import Supports
 from .kernels_grid import rigid_kernels
 from .materials import MaterialClass, Substance
-from .particles import ALONG, Particles
+from .particles import ALONG, REACH, Particles, rigid_labels
 from .time_step import BUDGET, largest_modulus
 
 # Share of the mass of an inner node: 0.5 at a plane surface, 0.17 half a spacing away from it.
@@ -24,37 +24,6 @@ TOUCHING = 0.2
 REST = 0.02
 # What changes with time.
 BODIES_CHANGING = ("centre", "rotation", "velocity", "spin")
-
-
-def rigid_labels(x: Float[np.ndarray, "n 3"], reach: float) -> Int[np.ndarray, "n"]:
-    """Number of the body of every place: those within ``reach`` of each other are one.
-
-    Parameters
-    ----------
-    x
-        Places [m], shape (n, 3).
-    reach
-        How far apart neighbours may be [m].
-
-    Returns
-    -------
-    array
-        Numbers of bodies from 0, shape (n,).
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from autophyx_tet.fem import rigid_labels
-    >>> rigid_labels(np.array([[0.0, 0, 0], [0.9, 0, 0], [5.0, 0, 0]]), reach=1.0).tolist()
-    [0, 0, 1]
-    """
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-    from scipy.spatial import KDTree
-
-    pairs = KDTree(x).query_pairs(reach, output_type="ndarray").T
-    graph = coo_array((np.ones(pairs.shape[1], dtype=np.int8), tuple(pairs)), shape=(len(x),) * 2)
-    return connected_components(graph, directed=False)[1].astype(np.int64)
 
 
 def merged_inside(particles: Particles, spacing: float) -> Particles:
@@ -160,8 +129,6 @@ class RigidBodies:
 
 # Matter too stiff for explicit steps: stationary, rigid or softened, and counted.
 
-# Particles this close, in spacings of the grid, are of one rigid body: two to a cell and axis.
-REACH = 0.9
 # A softened part sags by less than this share of its size: nobody sees the difference.
 INVISIBLE = 1e-3
 

@@ -19,7 +19,7 @@ from ..elements.assembly import (
     node_supports,
 )
 from ..elements.elastic import ElasticBody, displacement_gradients
-from ..elements.forces import load_vector, lumped_mass
+from ..elements.forces import load_vector, lumped_mass, weighing_mass
 from ..elements.space import Space, element_points, extend_linear, make_space
 from ..errors import ConvergenceError, InputError
 from ..laws.law import Law
@@ -81,6 +81,11 @@ class LinearBody(NamedTuple):
     def is_free(self) -> bool:
         """Whether nothing holds it."""
         return not (self.held.fixed.any() or self.held.springs.any())
+
+    def weight(self, gravity_vector: Sequence[float] | np.ndarray) -> np.ndarray:
+        """Forces [N] of ``gravity_vector`` (3,) [m/s^2] on the nodes, (nodes, 3)."""
+        mass = weighing_mass(self.mesh, self.grid, self.held)
+        return mass[:, None] * np.asarray(gravity_vector, dtype=float)
 
     @property
     def size(self) -> float:
@@ -174,7 +179,7 @@ def unit_responses(
 
     Displacements over the root of the mass [1/sqrt(kg)].
     """
-    loads = [body.mass[:, None] * axis for axis in np.eye(3)]
+    loads = [body.weight(axis) for axis in np.eye(3)]
     if forces is not None and np.any(forces):
         loads.append(forces)
     responses = body.compliance(np.stack(loads))
@@ -202,7 +207,8 @@ def principal_fields(
     root = np.sqrt(mass).repeat(int(np.prod(shape[1:])))[:, None]
     B, A = (root * f.reshape(len(root), -1) for f in (beside, fields))
     U, sizes, _ = np.linalg.svd(A - B @ (B.T @ A), full_matrices=False)
-    U = U[:, : min(most, int((sizes > DEPENDENT * sizes[0]).sum()))]  # the others are round-off
+    some = int((sizes > DEPENDENT * sizes.max(initial=0.0)).sum())  # the others are round-off
+    U = U[:, : min(most, some)]
     return np.where(root > 0, U / np.where(root > 0, root, 1), 0.0).reshape(*shape, -1)
 
 
@@ -459,7 +465,7 @@ def reduce_body(
     used, stiffening = motion_elements(mesh, supports, order, most=MOST_UNKNOWNS)
     body = linear_body(mesh, supports, order=used)
     dead = load_vector(mesh, body.grid, traction=traction, forces=forces)
-    acting = body.mass[:, None] * np.asarray(gravity_vector, dtype=float) + dead
+    acting = body.weight(gravity_vector) + dead
     if kind is Subspace.SKINNING:
         functions = _modal_functions(body, checked_count("handles", handles), dead, acting)
         whole = whole_model(body, skinned_basis(functions), Subspace.SKINNING)
@@ -519,9 +525,10 @@ def measured(
 
     Both under their own weight, with the same elements and the neo-Hookean law.
     """
-    forces = model.mass[:, None] * np.asarray(gravity_vector, dtype=float)
+    mass = weighing_mass(mesh, discretise(mesh, model.order), supports)
+    forces = mass[:, None] * np.asarray(gravity_vector, dtype=float)
     full = solve_nonlinear(mesh, supports, forces=forces, order=model.order).node_displacement
-    rest = held_rest(ReducedElasticity(model), model.weight(gravity_vector))
+    rest = held_rest(ReducedElasticity(model), model.pull_back(forces))
     error = np.inf if rest is None else relative_error(model, model.displacement(rest), full)
     return replace(model, accuracy=model.accuracy._replace(sag=error))
 

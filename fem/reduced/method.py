@@ -18,7 +18,7 @@ from ..validation import checked_count, checked_positive
 from .basis import CELLS, HANDLES, accuracy_warnings, reduce_body
 from .elasticity import reduced_frequencies
 from .model import ReducedModel, Subspace
-from .motion import ROUNDS, Following, reduced_dynamics
+from .motion import ROUNDS, Following, impact_of, reduced_dynamics
 
 # Derived fields that a motion has: with 21 a bonsai's swings were 4.4 % off, with 36 1.3 %.
 DERIVED_IN_MOTION = 45
@@ -102,6 +102,7 @@ class ReducedMethod:
             solution=tuple(solution),
             model_error=error,
             stiffening=model.accuracy.stiffening,
+            impact=impact_of(followed.states) if scene.obstacles else None,
         )
 
     def model_of(self, scene: Scene, order: int | None = None) -> ReducedModel:

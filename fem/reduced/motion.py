@@ -11,6 +11,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -25,7 +26,7 @@ from ..elements.assembly import (
     node_supports,
 )
 from ..elements.elastic import ElasticBody
-from ..elements.forces import load_vector, lumped_mass
+from ..elements.forces import load_vector, lumped_mass, weighing_mass
 from ..elements.space import Space, extend_linear, make_space
 from ..errors import ConvergenceError, InputError
 from ..laws.law import Law
@@ -39,7 +40,7 @@ from ..scene.supports import Supports
 from ..solve.contact import Contact
 from ..solve.method import FrameProgress
 from ..solve.nonlinear import Point, minimise
-from ..solve.result import MOTION_LIMIT, ModelError, Motion
+from ..solve.result import MOTION_LIMIT, Impact, ModelError, Motion
 from ..solve.schemes import ROUND_OFF, Forecast, Kinematics, Scheme, Step
 from ..validation import checked_positive
 from .basis import linear_body, orthonormal_fields, principal_fields, whole_model
@@ -50,6 +51,15 @@ from .model import ReducedModel, Subspace
 # A motion that is off by more than the limit is followed again so often, with so many fields more:
 # the swing of a soft bonsai in 34 coordinates is 26 % off, in 46 then 8, in 58 2 %.
 ROUNDS, JOINING = 2, 12
+
+
+def impact_of(states: Sequence[Motion]) -> Impact:
+    """How obstacles were met in steps that each ended with one of ``states``, but the first."""
+    given = max(s.kinetic + s.elastic + s.barrier for s in states) or 1.0
+    forces = np.linalg.norm([s.obstacle_force for s in states], axis=2)
+    pairs = [(a, b) for a, b in pairwise(states) if a.barrier or b.barrier]
+    lost = max((a.energy - b.energy for a, b in pairs), default=0.0) / given
+    return Impact(forces.max(axis=0), lost, max(s.barrier for s in states) / given, 0.0)
 
 
 class Followed(NamedTuple):
@@ -114,7 +124,7 @@ class Following:
             scene.mesh,
             scene.supports,
             states,
-            load=_acting(scene, model),
+            load=nodal_forces_of(scene, model.order),
             velocity=start_velocity(scene, space),
             law=self.law,
             scheme=self.scheme,
@@ -143,7 +153,7 @@ def enriched(
     basis = orthonormal_fields(np.concatenate([model.basis, joined], axis=2), model.mass)
     whole = whole_model(body, basis, Subspace.VECTOR)
     accuracy = whole.accuracy._replace(stiffening=model.accuracy.stiffening)
-    load = whole.pull_back(_acting(scene, model))
+    load = whole.pull_back(nodal_forces_of(scene, model.order))
     return with_cells(replace(whole, accuracy=accuracy), load, most_cells)
 
 
@@ -151,11 +161,11 @@ def reduced_dynamics(
     scene: Scene, model: ReducedModel, *, law: str, scheme: Scheme = Scheme.BDF2
 ) -> ReducedDynamics:
     """The body of ``scene`` at its start, moved by ``model``."""
-    space, dead = make_space(scene.mesh, model.order), nodal_forces_of(scene, model.order)
+    space = make_space(scene.mesh, model.order)
     with one_thread():
         return ReducedDynamics(
             model,
-            load=model.weight(scene.gravity_vector) + model.pull_back(dead),
+            load=model.pull_back(nodal_forces_of(scene, model.order)),
             velocity=model.coordinates(start_velocity(scene, space)),
             contact=_contact_of(scene, space),
             law=law,
@@ -171,15 +181,11 @@ def start_velocity(scene: Scene, space: Space) -> Float[np.ndarray, "nodes 3"]:
 
 
 def nodal_forces_of(scene: Scene, order: int) -> Float[np.ndarray, "nodes 3"]:
-    """Forces [N] at the nodes of elements of ``order``, of all that acts but gravity."""
+    """Forces [N] at the nodes of elements of ``order``, of all that acts."""
     grid = discretise(scene.mesh, order)
-    return load_vector(scene.mesh, grid, traction=scene.tractions, forces=scene.forces)
-
-
-def _acting(scene: Scene, model: ReducedModel) -> Float[np.ndarray, "nodes 3"]:
-    """All dead forces [N] at the nodes."""
-    weight = model.mass[:, None] * np.asarray(scene.gravity_vector)
-    return weight + nodal_forces_of(scene, model.order)
+    weighing = weighing_mass(scene.mesh, grid, scene.held)
+    weight = weighing[:, None] * np.asarray(scene.gravity_vector, dtype=float)
+    return weight + load_vector(scene.mesh, grid, traction=scene.tractions, forces=scene.forces)
 
 
 def _contact_of(scene: Scene, space: Space) -> Contact:
@@ -403,6 +409,8 @@ class ReducedDynamics:
         self.stiffest = float(np.linalg.eigvalsh(self.elasticity.tangent(zero))[-1])
         if self.contact is not None and not self.contact.gap(model.displacement(zero)) > 0:
             raise InputError("motion.body_starts")
+        if self.contact is not None and (number := self.contact.inside()) is not None:
+            raise InputError("motion.obstacle_inside", number=number + 1)
         v = zero if velocity is None else velocity
         self.now = Kinematics(zero, v, self.load - self.elasticity.response(zero).force)
         self.time, self.iterations, self.last_dt = 0.0, 0, 0.0
@@ -498,6 +506,8 @@ class ReducedDynamics:
         if self.contact is None:
             minimum = minimise(potential, ahead, **options)
             return minimum.u, minimum.iterations
+        if self.contact.swept(self.model.displacement(self.now.u)):
+            raise ConvergenceError("motion.obstacle_moves")
         # The last state moved as little as possible out of the way of obstacles that move
         q, count = self.now.u, 0
         for _ in range(ROOM_PASSES):

@@ -57,12 +57,13 @@ class WhatIfError(NamedTuple):
     """Reduced runs beside the full body's, for those ``runs`` that were solved in full too.
 
     Relative errors [1] of the displacement at ``rest``, in the norm of mass, and of the first
-    ``frequency``, each (runs,).
+    ``frequency``, each (runs,). Of ``unsolved`` others the full body found no rest.
     """
 
     runs: np.ndarray
     rest: np.ndarray
     frequency: np.ndarray
+    unsolved: int
 
 
 @single_threaded
@@ -128,25 +129,29 @@ def what_if_error(
     It has elements of ``order``, at least the model's: with 2 what linear ones lock is in the
     error. ``forces`` gives what the load of a run was pulled back from: [N] at the model's nodes.
 
-    Raises ConvergenceError: Where no run has a rest, or the full body finds none.
+    Raises ConvergenceError: Where no run has a rest.
     """
     if not np.isfinite(found.largest).any():
         raise ConvergenceError("sweep.none_runs", count=len(found.largest))
     farthest = int(np.nanargmax(found.largest))
     others = np.setdiff1d(np.flatnonzero(np.isfinite(found.largest)), [farthest])
     drawn = np.random.default_rng(seed).permutation(others)[: count - 1]
-    runs = np.array([farthest, *drawn])
-    rest, frequency = np.empty(len(runs)), np.empty(len(runs))
-    for i, run in enumerate(runs):
+    solved, unsolved = [], 0
+    for run in (farthest, *drawn):
         material = material_of(mesh)
         moduli = ElementMaterial(material.E * scales[run][mesh.region], material.nu, material.rho)
         body = mesh.with_material(moduli)
-        solved = solve_nonlinear(body, supports, forces=forces(int(run)), law=law, order=order)
-        full = solved.node_displacement[: len(model.points)]
-        rest[i] = relative_error(model, model.displacement(found.coordinates[run]), full)
-        modes = natural_modes(body, 1, supports=supports, order=order, lumped=order == 1)
-        frequency[i] = found.frequency[run] / modes.frequencies[0] - 1
-    return WhatIfError(runs, rest, frequency)
+        try:
+            full = solve_nonlinear(body, supports, forces=forces(int(run)), law=law, order=order)
+            modes = natural_modes(body, 1, supports=supports, order=order, lumped=order == 1)
+        except ConvergenceError:
+            unsolved += 1
+            continue
+        u, target = model.displacement(found.coordinates[run]), full.node_displacement
+        rest = relative_error(model, u, target[: len(model.points)])
+        solved.append((run, rest, found.frequency[run] / modes.frequencies[0] - 1))
+    runs, rests, frequencies = np.array(solved).reshape(-1, 3).T
+    return WhatIfError(runs.astype(np.int64), rests, frequencies, unsolved)
 
 
 # Numbers of a factor above which a family takes more than some seconds: a dozen are made.

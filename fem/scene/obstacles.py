@@ -164,6 +164,12 @@ def obstacle_size(obstacle: Obstacle) -> float:
     return float(np.min(obstacle.half)) if isinstance(obstacle, Box) else np.inf
 
 
+def obstacle_middle(obstacle: Obstacle) -> np.ndarray | None:
+    """A point [m] in a ball, box or capsule, shape (3,); None of what has no end."""
+    middle = getattr(obstacle, "centre", getattr(obstacle, "start", None))
+    return None if middle is None else np.asarray(middle, dtype=float)
+
+
 def gripper(
     lower: Sequence[float], upper: Sequence[float], axis: int, speed: float
 ) -> tuple[Plane, Plane]:

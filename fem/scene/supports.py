@@ -30,6 +30,8 @@ class Supports:
     assumed
         Share of the body's volume in pieces that touch nothing held, which are held where they
         are because nobody said by what.
+    places
+        What was fixed at a time, one mask (points, 3) a place: nothing between two places is held.
 
     Examples
     --------
@@ -43,8 +45,11 @@ class Supports:
     values: Float[np.ndarray, "points 3"]
     springs: Float[np.ndarray, "points 3"]
     assumed: float = 0.0
+    places: tuple[Bool[np.ndarray, "points 3"], ...] = ()
 
     def __post_init__(self) -> None:
+        if not self.places and self.fixed.any():
+            object.__setattr__(self, "places", (self.fixed,))
         if not (np.isfinite(self.values).all() and np.isfinite(self.springs).all()):
             raise InputError("supports.support_values")
         if (self.springs < 0).any():
@@ -68,9 +73,10 @@ class Supports:
         fixed, prescribed = self.fixed.copy(), self.values.copy()
         index = np.arange(len(fixed))[ids]
         grid = np.ix_(index, np.atleast_1d(axes))
-        fixed[grid] = True
+        place = np.zeros_like(fixed)
+        fixed[grid] = place[grid] = True
         prescribed[grid] = values
-        return replace(self, fixed=fixed, values=prescribed)
+        return replace(self, fixed=fixed, values=prescribed, places=(*self.places, place))
 
     def with_springs(self, ids, stiffness) -> Supports:
         """Add springs of ``stiffness`` [N/m] (scalar, or a value for each axis) at ``ids``."""

@@ -62,7 +62,7 @@ def find_load_factor(result: StaticResult, supports: Supports) -> LoadFactor:
     shape = shape[: grid.space.points]
     if not eigenvalue > 0:
         return LoadFactor(np.inf, np.zeros_like(shape))
-    return LoadFactor(1 / eigenvalue, shape / np.linalg.norm(shape, axis=1).max())
+    return LoadFactor(1 / eigenvalue, shape / (np.linalg.norm(shape, axis=1).max() or 1.0))
 
 
 def _largest_eigenvalue(

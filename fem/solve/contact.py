@@ -16,7 +16,7 @@ from ..elements.forces import edge_nodes
 from ..elements.space import Space
 from ..errors import InputError
 from ..mesh import TetMesh, face_areas, material_of
-from ..scene.obstacles import Distance, Obstacle, obstacle_size
+from ..scene.obstacles import Distance, Obstacle, obstacle_middle, obstacle_size
 from ..scene.up import UpAxis, up_index, up_vector
 from .self_contact import (
     GAP_SHARE,
@@ -226,6 +226,40 @@ class Contact:
                     u[carried] = start[carried] + move
         return u
 
+    def inside(self) -> int | None:
+        """Number of the first obstacle that lies wholly in the body at rest; None: there is none.
+
+        No place of the surface is near such a one: its middle is in a tet.
+        """
+        corners = self.mesh.points[self.mesh.tets]
+        for k, obstacle in enumerate(self.obstacles):
+            if (middle := obstacle_middle(obstacle)) is None:
+                continue
+            around = np.flatnonzero(
+                ((corners.min(axis=1) <= middle) & (middle <= corners.max(axis=1))).all(axis=1)
+            )
+            edges = (corners[around, 1:] - corners[around, :1]).swapaxes(1, 2)
+            local = np.linalg.solve(edges, (middle - corners[around, 0])[..., None])[..., 0]
+            if ((local > -1e-9).all(axis=1) & (local.sum(axis=1) < 1 + 1e-9)).any():  # or on a face
+                return k
+        return None
+
+    def swept(self, u: np.ndarray) -> bool:
+        """Whether an obstacle meets the body at ``u`` [m] within the step, which is too long then.
+
+        It moves by more than half of its size, and is looked at as often on its way.
+        """
+        for k, obstacle in enumerate(self.obstacles):
+            move = self.step * np.asarray(obstacle.velocity, dtype=float)
+            parts = int(np.ceil(2 * np.linalg.norm(move) / obstacle_size(obstacle)))
+            for part in range(parts + 1 if parts > 1 else 0):
+                shift = self._shift(k) - part / parts * move
+                for sites in self.surfaces[k].near(u, shift, self.thickness):
+                    x = sites.rest + sites.moved(u) - shift
+                    if (obstacle.distance(x).gap <= 0).any():
+                        return True
+        return False
+
     def longest_step(self, u: np.ndarray, step: np.ndarray) -> float:
         """Largest fraction of ``step`` that leaves a tenth of every gap, by safe advancement.
 
@@ -259,6 +293,10 @@ class Contact:
         for lag in self.lagged:
             total[lag.obstacle] -= lag.gradient(u).sum(axis=0)
         return total
+
+    def rubbed(self, u: np.ndarray) -> float:
+        """Energy [J] that friction with obstacles took in the step that ends at ``u``."""
+        return sum(float((lag.gradient(u) * lag.slip(u)[0]).sum()) for lag in self.lagged)
 
     def pressures(self, u: np.ndarray) -> ContactPressures:
         """Largest contact pressures [Pa] at ``u``, without friction."""

@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Sequence
+from copy import copy
 
 import numpy as np
 
 from ..device import checked_device, one_thread
 from ..elements.assembly import discretise, node_supports
 from ..elements.elastic import ElasticBody, Response
-from ..elements.forces import load_vector, lumped_mass, node_counts, node_velocities
+from ..elements.forces import load_vector, lumped_mass, node_counts, node_velocities, weighing_mass
 from ..errors import ConvergenceError, InputError
 from ..laws.law import Law
 from ..linalg.solver import RepeatedSolver
-from ..mesh import TetMesh, material_of
+from ..mesh import TetMesh, face_areas, material_of
 from ..scene.obstacles import Obstacle
 from ..scene.scene import Scene
 from ..scene.supports import Supports
@@ -24,7 +25,7 @@ from .damping import Damping, Rayleigh
 from .error import motion_elements, motion_order
 from .method import FrameProgress, halving_notes
 from .nonlinear import minimise
-from .result import Motion, MotionResult, locking_fraction
+from .result import Impact, Motion, MotionResult, locking_fraction
 from .schemes import DeviceSteps, Forecast, Incremental, Kinematics, Scheme, Step, nodal_rigidity
 
 logger = logging.getLogger(__name__)
@@ -101,7 +102,8 @@ class Dynamics:
         self.body = ElasticBody(grid, material_of(mesh), law)
         self.mass = lumped_mass(mesh, grid.space)
         self.held = node_supports(supports or Supports.none(len(mesh.points)), self.space)
-        self.load = self.mass[:, None] * checked_vector("gravity_vector", gravity_vector, "m/s^2")
+        weighing = weighing_mass(mesh, grid, self.held)
+        self.load = weighing[:, None] * checked_vector("gravity_vector", gravity_vector, "m/s^2")
         if forces is not None:
             rows = checked_rows("forces", forces, node_counts(self.space), "N")
             self.load[: len(rows)] += rows
@@ -119,6 +121,8 @@ class Dynamics:
         v = np.where(self.held.fixed, 0.0, node_velocities(velocity, self.space))
         if not (gap := self.contact.gap(u)) > 0:
             raise InputError("dynamics.body_starts", gap=-gap)
+        if (number := self.contact.inside()) is not None:
+            raise InputError("dynamics.obstacle_inside", number=number + 1)
         self._known: tuple[np.ndarray, Response] = (u, self.body.response(u))
         force = self.load - self.response(u).force - self.held.springs * u
         force += self.contact.forces(u, len(u))
@@ -134,6 +138,15 @@ class Dynamics:
         """Start anew from the state: its past has other steps, or none."""
         self._before: Kinematics | None = None  # for BDF2
         self._forecast, self._dt = Forecast(), 0.0
+
+    @property
+    def kept(self) -> tuple:
+        """The state and its past: set again, the body goes on from there."""
+        return self.state, self._before, copy(self._forecast), self._dt, self._step_made
+
+    @kept.setter
+    def kept(self, kept: tuple) -> None:
+        self.state, self._before, self._forecast, self._dt, self._step_made = kept
 
     @property
     def last_step(self) -> Step | None:
@@ -219,6 +232,8 @@ class Dynamics:
 
     def _solve(self, step: Step) -> tuple[np.ndarray, int]:
         old, fixed = self.state.u, self.held.fixed
+        if self.contact.swept(old):
+            raise ConvergenceError("dynamics.obstacle_moves")
         start = np.where(fixed, old, self.contact.allowed(old))
         if not self.contact.gap(start) > 0:
             raise ConvergenceError("dynamics.obstacle_moves")
@@ -240,6 +255,74 @@ class Dynamics:
         """Solve H x = b with the Hessian [N/m] of a ``step`` that ended at ``u`` [m]."""
         potential = Incremental(self, step.factor, u, step.dt, step.now.u)
         return self.solver(potential.hessian(u, projected=False), b, 0.0)
+
+
+# An impact is followed in so many steps while a wave crosses the body and comes back, which no
+# contact is shorter than; in at most so many a frame, and so many for every frame altogether.
+PARTS, MOST_PARTS, MOST_STEPS = 16, 64, 4
+# A frame that meets an obstacle and loses more than this fraction of the energy, but to friction,
+# is such an impact.
+LOSSY = 0.01
+
+
+class ImpactSteps:
+    """Frames of ``dt`` [s] of a body: one step each, but for impacts, which have their own.
+
+    A step stops what it meets at once, and takes the energy of its fall. Where that is seen, the
+    frame is taken again, by BDF2, in parts of the time in which waves cross the body, if these are
+    not too many; ``impact`` tells what came of it.
+    """
+
+    def __init__(self, body: Dynamics, dt: float, frames: int) -> None:
+        mesh, material = body.mesh, material_of(body.mesh)
+        lam, mu = material.lame
+        wave = np.sqrt(mesh.volumes @ (lam + 2 * mu) / mesh.mass)
+        size = 6 * mesh.volume / face_areas(mesh.points, mesh.boundary.faces).sum()
+        self.body, self.dt = body, dt
+        self.parts = int(np.ceil(dt * PARTS * wave / (2 * size)))
+        self.left = MOST_STEPS * frames if self.parts <= MOST_PARTS else 0
+        self.halved, self._lost, self._given, self._barrier = 0, 0.0, 0.0, 0.0
+        self._forces: list[np.ndarray] = []
+
+    def frame(self) -> Motion:
+        """The state a frame later."""
+        body, before = self.body, self.body.kept
+        lost = self._step(self.dt)
+        again = lost > LOSSY * self._given and 1 < self.parts <= self.left
+        if again and body.contact.surfaces:
+            self.left -= self.parts
+            scheme, body.scheme, body.kept = body.scheme, Scheme.BDF2, before
+            del self._forces[-1:]
+            lost = max(self._step(self.dt / self.parts) for _ in range(self.parts))
+            body.scheme = scheme
+        self._lost = max(self._lost, lost / self._given if self._given else 0.0)
+        return body.state
+
+    def _step(self, dt: float) -> float:
+        """Energy [J] that a step lost, but to friction, where an obstacle is met."""
+        body, before = self.body, self.body.state
+        after = body.step(dt)
+        self.halved += body._dt != dt
+        own = [s.kinetic + s.elastic + s.barrier for s in (before, after)]
+        self._given = max(self._given, *own)
+        self._barrier = max(self._barrier, after.barrier)
+        self._forces.append(np.linalg.norm(after.obstacle_force, axis=1))
+        if not (body.contact.surfaces and (before.barrier or after.barrier)):
+            return 0.0
+        return before.energy - after.energy - body.contact.rubbed(after.u)
+
+    @property
+    def impact(self) -> Impact | None:
+        """How obstacles were met until now; None where there are none."""
+        if not self.body.contact.surfaces:
+            return None
+        none = np.zeros_like(self._forces[0])  # before the first step; after the last it goes on
+        forces = np.stack([none, *self._forces, self._forces[-1]])
+        largest, peak = forces.max(axis=0), forces.argmax(axis=0).clip(1, len(forces) - 2)
+        beside = (forces[peak - 1] + forces[peak + 1]).diagonal() / 2
+        rough = (largest - beside) / np.where(largest > 0, largest, 1.0)
+        barrier = self._barrier / self._given if self._given else 0.0
+        return Impact(largest, self._lost, barrier, float(rough.max()))
 
 
 class DynamicMethod:
@@ -280,10 +363,9 @@ class DynamicMethod:
             scheme=scheme,
             device=device,
         )
-        states, halved = [body.state], 0
+        states, pace = [body.state], ImpactSteps(body, dt, frames)
         for frame in range(1, frames + 1):
-            states.append(body.step(dt))
-            halved += body._dt != dt
+            states.append(pace.frame())
             if progress is not None:
                 progress(frame, frames)
         locks, notes = locking_fraction(scene.mesh) if order == 1 else 0.0, body.contact.notes
@@ -294,8 +376,9 @@ class DynamicMethod:
             order,
             locks,
             kept_apart=scene.self_contact and not notes,
-            notes=notes + halving_notes(halved, frames),
+            notes=notes + halving_notes(pace.halved, frames),
             stiffening=stiffening,
+            impact=pace.impact,
         )
 
 

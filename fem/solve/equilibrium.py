@@ -71,6 +71,8 @@ class StaticMethod:
         }
         solve = partial(solve_static, scene.mesh, scene.held, **loads)
         static = solve(order=order)
+        found = find_discretisation_error(static, scene.held, solve, **loads)
+        static = replace(static, cycle=None)  # and its memory
         factor, load_factor_unmade = None, ""  # of buckling, or why there is none
         if static.order == 1:
             load_factor_unmade = Note("equilibrium.linear_elements")
@@ -79,7 +81,7 @@ class StaticMethod:
                 factor = find_load_factor(static, scene.held)
             except ConvergenceError as error:
                 load_factor_unmade = str(error)
-        error, trusted = find_discretisation_error(static, scene.held, solve, **loads), True
+        trusted = True
         if law is None or LAWS[law].finite:
             name = law or Law.NEO_HOOKEAN
             static, trusted = _checked_strain(scene, static, name, warnings, loads)
@@ -91,13 +93,15 @@ class StaticMethod:
             scene.height,
             largest,
             largest / scene.longest,
-            error,
+            found.relative,
             np.asarray(scene.held.fixed.any(axis=1)),
             tuple(warnings),
             load_factor=factor,
             load_factor_unmade=load_factor_unmade,
             trusted=trusted,
             assumed=scene.held.assumed,
+            error_shares=found.shares,
+            reaction_error=found.reaction,
         )
 
 

@@ -4,33 +4,36 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..device import Recorder, checked_device, single_threaded
+from ..device import Recorder, checked_device, single_threaded, start_warp
 from ..elements.assembly import (
     BlockMatrix,
     Discretisation,
+    add_diagonal,
     apply_supports,
     constrained_stiffness,
     discretise,
     linear_stiffness,
     node_supports,
 )
-from ..elements.forces import consistent_mass, diagonal_mass
+from ..elements.forces import consistent_mass, diagonal_mass, lumped_mass
 from ..elements.space import LARGEST_MOVING, Space, affordable_order, extend_linear
 from ..errors import ConvergenceError, InputError
 from ..laws.law import Law
 from ..linalg.cholesky import NotPositive, cached_factor, find_factor, planned_elimination
 from ..linalg.krylov import RitzPairs, lanczos
 from ..linalg.multigrid import TwoLevel, scale
-from ..linalg.solver import MOST_ENTRIES, PIVOT, rough_inverse
+from ..linalg.solver import MOST_ENTRIES, PIVOT, Inverse, rough_factor, rough_inverse
 from ..mesh import TetMesh, free_motions, material_of, rigid_motions
 from ..note import Note
 from ..scene.scene import Scene
 from ..scene.supports import Supports
 from ..validation import checked_count
+from .mesh_error import estimate_frequency_error
 from .method import FrameProgress
 from .result import Modes
 
@@ -174,7 +177,7 @@ def natural_modes(
         raise ConvergenceError("modal.modes_residual", residual=residual, tolerance=TOLERANCE)
     shapes = np.ascontiguousarray(x.T).reshape(count, -1, 3)
     free_names = _named(mesh, motions)
-    return Modes(np.sqrt(np.maximum(square, 0.0)) / (2 * np.pi), shapes, residual, free_names)
+    return Modes(np.sqrt(np.maximum(square, 0.0)) / (2 * np.pi), shapes, residual, free=free_names)
 
 
 def _named(mesh: TetMesh, motions: np.ndarray) -> tuple[str, ...]:
@@ -228,7 +231,20 @@ class ModalMethod:
         """First ``scene.modes`` vibrations; see ``natural_modes`` for what may fail."""
         order = order or affordable_order(scene.mesh, LARGEST_MOVING)
         options = {"supports": scene.held, "order": order, "device": device}
-        return natural_modes(scene.mesh, scene.modes, **options)
+        modes = natural_modes(scene.mesh, scene.modes, **options)
+        if order == 1:
+            return modes
+        grid, material = discretise(scene.mesh, 2), material_of(scene.mesh)
+        held = node_supports(scene.held, grid.space)
+        matrix = constrained_stiffness(grid, material, held)
+        raised = BlockMatrix(matrix.rows, matrix.columns, start_warp().clone(matrix.values))
+        square = float((2 * np.pi * modes.frequencies[0]) ** 2)
+        mass = lumped_mass(scene.mesh, grid.space)
+        add_diagonal(raised, SHIFT * square * mass[:, None] * ~held.fixed)
+        known = {"points": grid.space.nodes, "fixed": held.fixed, "edges": grid.space.edges}
+        stiffness = Inverse(matrix.times, rough_factor(raised, **known).near)
+        error = estimate_frequency_error(scene.mesh, grid.space, held, stiffness, modes)
+        return replace(modes, error=error)
 
 
 METHOD = ModalMethod()

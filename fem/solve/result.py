@@ -13,6 +13,7 @@ from jaxtyping import Bool, Float, Int
 
 from ..elements.elastic import von_mises
 from ..elements.space import Space
+from ..linalg.solver import Inverse
 from ..mesh import TetMesh, material_of
 from ..note import Note
 from ..scene.scene import Scene
@@ -22,6 +23,7 @@ from .self_contact import ContactPressures, PieceForce
 LOCKING = 0.4
 
 # Error of quadratic answers over its estimate: at most so much on 97 of 100 problems.
+# Flat cells go beyond: 1.7 on a clamped plate of 4 x 4 cells of 1:12, 1.5 on one of 5 x 5.
 SAFETY = 1.5
 CUBIC = "cubic surplus"
 
@@ -32,16 +34,46 @@ def locking_fraction(mesh: TetMesh) -> float:
     return float(volumes[material_of(mesh).nu > LOCKING].sum() / volumes.sum())
 
 
+PLACES = ("support edge", "inner corner", "interface end", "point load", "point support")
+
+
+class SingularPlace(NamedTuple):
+    """Connected points of a mesh where stress has no bound: it grows as the mesh is refined.
+
+    ``kind`` is one of ``PLACES``, ``centre`` (3,) [m] the mean of its points and ``radius`` [m] how
+    far they reach, ``exponent`` that of the displacement by the distance [1], ``share`` what it has
+    of the squared error in energy [1].
+    """
+
+    kind: str
+    centre: tuple[float, ...]
+    radius: float
+    exponent: float
+    share: float
+
+
 class DiscretisationError(NamedTuple):
-    """Relative error of the largest displacement [1], of the elements that were taken.
+    """Relative errors [1] that the mesh leaves, of the elements that were taken; NaN: not known.
+
+    ``value`` is that of the largest displacement, ``energy`` in the norm of energy, ``work`` of the
+    work of the loads, ``reaction`` of the forces of the supports, ``stress`` the rms of the
+    equivalent stress around its largest, away from the singular ``places``, over that; where these
+    take all of the body it is NaN. ``peak`` is the place at which the very largest stress stands,
+    which is then no property of the body.
 
     ``kind`` is 'cubic surplus' (what cubic elements would add to quadratic ones), 'P1/P2' (what
-    quadratic elements add to linear ones) or '' (``value`` is NaN, and ``why`` says why).
+    quadratic elements add to linear ones) or '' (nothing is known, and ``why`` says why).
     """
 
     value: float
     kind: str
     why: str = ""
+    energy: float = np.nan
+    work: float = np.nan
+    reaction: float = np.nan
+    stress: float = np.nan
+    places: tuple[SingularPlace, ...] = ()
+    peak: SingularPlace | None = None
 
     @property
     def bound(self) -> float:
@@ -82,6 +114,8 @@ class StaticResult:
         Relative residual of the linear system, and iterations (0: direct).
     solver
         What solved the linear system, and what was tried before in vain.
+    cycle
+        The V-cycle of the iterations that did, for whoever asks on; None: there were none.
 
     Examples
     --------
@@ -106,6 +140,7 @@ class StaticResult:
     residual: float
     iterations: int
     solver: str = ""
+    cycle: Inverse | None = None
 
     @property
     def order(self) -> int:
@@ -151,6 +186,9 @@ class SagResult:
     trusted, assumed
         Whether this is how it rests, else a linear answer to a load that is too large for one;
         share of the volume in pieces that touch nothing held, and are held where they are.
+    error_shares, reaction_error
+        What every tet has of the squared error in energy [1], shape (tets,), and the error of the
+        supports' force on every node [N], shape (nodes, 3), where the elements are quadratic.
 
     Examples
     --------
@@ -173,6 +211,8 @@ class SagResult:
     load_factor_unmade: str = ""
     trusted: bool = True
     assumed: float = 0.0
+    error_shares: Float[np.ndarray, "tets"] | None = None
+    reaction_error: Float[np.ndarray, "nodes 3"] | None = None
 
     @property
     def displacement(self) -> Float[np.ndarray, "points 3"]:
@@ -237,6 +277,38 @@ class Motion:
         return self.kinetic + self.elastic + self.potential + self.barrier
 
 
+# An impact is followed where no step loses more of the energy than the first of these, the barrier
+# never holds more of it than the second, and the largest force stands out of the steps beside it by
+# no more than the third.
+IMPACT_LOST, IMPACT_BARRIER, IMPACT_ROUGH = 0.1, 0.1, 0.15
+
+
+class Impact(NamedTuple):
+    """How obstacles were met, in all steps that were taken.
+
+    ``forces`` (obstacles,) [N] are the largest of every obstacle. ``lost`` is the largest fraction
+    [1] of the energy that one step lost, but to friction; ``barrier`` that which the barrier of the
+    obstacles held, ``rough`` what the largest force stands out by of the steps beside it [1].
+    """
+
+    forces: np.ndarray
+    lost: float
+    barrier: float
+    rough: float
+
+    @property
+    def unresolved(self) -> str:
+        """What was not resolved: 'time', 'surface', 'force', or '' where these are to be trusted.
+
+        Its steps are too long; it is stiffer than the barrier around obstacles; forces are spikes.
+        """
+        if self.lost > IMPACT_LOST:
+            return "time"
+        if self.barrier > IMPACT_BARRIER:
+            return "surface"
+        return "force" if self.rough > IMPACT_ROUGH else ""
+
+
 @dataclass(frozen=True, eq=False)
 class MotionResult:
     """A body in motion.
@@ -254,6 +326,8 @@ class MotionResult:
         The particles, where the motion is theirs; whether all faces kept out of each other.
     notes, solution, model_error
         What was assumed; what solved it, as names and words; how far few coordinates are off.
+    impact
+        How well the meeting with obstacles was followed; None: not known.
 
     Examples
     --------
@@ -277,6 +351,7 @@ class MotionResult:
     solution: tuple[tuple[str, str], ...] = ()
     model_error: ModelError | None = None
     stiffening: float = np.nan
+    impact: Impact | None = None
 
     @property
     def displacements(self) -> Float[np.ndarray, "frames points 3"]:
@@ -331,6 +406,8 @@ class Modes:
         Largest |K x - w^2 M x| / |w^2 M x| of the modes, with w at least a wave's across the body.
     free
         Names of what the supports leave free, and is no vibration: 'about z', 'along x', ...
+    error
+        Relative error [1] of the first frequency by the mesh, of quadratic elements; NaN: not made.
 
     Examples
     --------
@@ -346,7 +423,27 @@ class Modes:
     frequencies: Float[np.ndarray, "modes"]
     shapes: Float[np.ndarray, "modes nodes 3"]
     residual: float
+    error: float = np.nan
     free: tuple[str, ...] = ()
+
+
+class Breakage(NamedTuple):
+    """What tore in a motion of particles.
+
+    ``judged`` is the fraction [1] of the body's volume whose tearing was followed: what has a
+    strength and an energy of its cracks, and is not too stiff for the steps. Of that ``fraction``
+    [1] carries less than half of its stress, in the ``parts``, about the ``place`` [m] at rest
+    (NaN: nowhere). The body is in so many ``pieces``, crumbs aside, of ``pieces_before``. A crack
+    costs ``crack_energy`` times what was stated [1]: more than once where the grid is too coarse.
+    """
+
+    judged: float
+    fraction: float
+    parts: tuple[str, ...]
+    place: tuple[float, float, float]
+    pieces: int
+    pieces_before: int
+    crack_energy: float
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -359,6 +456,7 @@ class ParticleRun:
         belong to so many rigid bodies, and that were softened.
     lagrangian: Whether the weights were those at rest.
     notes, laws: What was assumed, and the laws of its matter in words.
+    breakage: What tore.
     part: Region of every particle, shape (n,).
     positions, gradients: Places [m] and deformation gradients in every frame, (frames, n, 3) and
         (frames, n, 3, 3).
@@ -376,6 +474,7 @@ class ParticleRun:
     lagrangian: bool
     notes: tuple[str, ...]
     laws: tuple[str, ...]
+    breakage: Breakage
     part: Int[np.ndarray, "n"]
     positions: Float[np.ndarray, "frames n 3"]
     gradients: Float[np.ndarray, "frames n 3 3"]

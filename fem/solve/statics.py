@@ -123,7 +123,7 @@ def solve_static(
         keep_stiffness(grid, material, held, matrix)
     u = np.where(held.fixed, prescribed, solution.x)
     result = static_result(mesh, body_law, u, load, held, solution.residual, solution.iterations)
-    return replace(result, solver=solution.solver)
+    return replace(result, solver=solution.solver, cycle=solution.cycle)
 
 
 def check_solution(mesh: TetMesh, held: Supports, solution: Solution, tolerance: float) -> None:

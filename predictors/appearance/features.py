@@ -147,14 +147,9 @@ def features_of_views(
     ``voxels`` says which part is in every cell of the surface; None is one part without a name.
     """
     encoder = load_encoder(encoder) if isinstance(encoder, str) else encoder
-    lifted = lift(
-        encoder.dense(pictures.images()),
-        pictures.cameras,
-        density,
-        grid,
-        opacity=pictures.opacity,
-        method=method,
-    )
+    seen_by, cover = pictures.cameras, pictures.opacity
+    vectors = encoder.dense(pictures.images())
+    lifted = lift(vectors, seen_by, density, grid, opacity=cover, method=method)
     surface = density > 0
     if voxels is None:
         voxels = PartVoxels(grid, np.where(surface, 0, -1), ("object",), ((),))

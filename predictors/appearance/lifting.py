@@ -87,13 +87,8 @@ def lift(
     from scipy.sparse import diags_array
 
     if density.shape != grid.shape or len(features) != len(cameras):
-        raise InputError(
-            "lifting.density_grid",
-            shape=density.shape,
-            shape_2=grid.shape,
-            count=len(features),
-            count_2=len(cameras),
-        )
+        given = {"shape": density.shape, "shape_2": grid.shape, "count": len(features)}
+        raise InputError("lifting.density_grid", count_2=len(cameras), **given)
     rays = pixel_rays(features, cameras, opacity)
     cells = np.argwhere(density > 0)
     matrix = ray_weights(rays, density, grid)
@@ -159,58 +154,40 @@ def ray_weights(rays: Rays, density: Float[np.ndarray, "nx ny nz"], grid: Grid) 
     column = np.full(grid.shape, -1, dtype=np.int32)
     column[density > 0] = np.arange((density > 0).sum(), dtype=np.int32)
     shape = np.array(grid.shape)
-    walk = _enter(rays, grid)
-    light = np.ones(len(walk.ray))
+    # Every ray that meets the grid, at the point where it enters: its cell, and the lengths [m] so
+    # far, to the next border along each axis, and between two borders
+    directions = np.where(np.abs(rays.directions) < 1e-12, 1e-12, rays.directions)  # never parallel
+    times = (np.stack([grid.lo, grid.hi])[:, None] - rays.origins) / directions
+    here = np.maximum(times.min(axis=0).max(axis=1), 0)
+    ray = np.flatnonzero(times.max(axis=0).min(axis=1) > here + np.finfo(float).tiny)
+    origin, direction, here = rays.origins[ray], directions[ray], here[ray]
+    cell = np.clip(grid.cell_of(origin + here[:, None] * direction), 0, shape - 1)
+    step = np.sign(direction).astype(np.int64)
+    border = (grid.lo + (cell + (step > 0)) * grid.h - origin) / direction
+    border, pitch = np.maximum(border, here[:, None]), grid.h / np.abs(direction)
+    light = np.ones(len(ray))
     none = np.zeros(0, dtype=np.int64)
-    found = [(none, none.astype(np.int32), none.astype(np.float64))]
-    while walk.ray.size:
-        axis = walk.border.argmin(axis=1)
+    found: list[tuple[np.ndarray, ...]] = [(none, none.astype(np.int32), none.astype(np.float64))]
+    while ray.size:
+        axis = border.argmin(axis=1)
         row = np.arange(len(axis))
-        leave = walk.border[row, axis]
-        at = tuple(walk.cell.T)
-        alpha = 1 - np.exp(-density[at] * (leave - walk.here))
+        leave = border[row, axis]
+        at = tuple(cell.T)
+        alpha = 1 - np.exp(-density[at] * (leave - here))
         share = light * alpha
         keep = share > FAINT
-        found.append((walk.ray[keep], column[at][keep], share[keep]))
-        light *= 1 - alpha
-        walk.here[:] = leave
-        walk.border[row, axis] += walk.pitch[row, axis]
-        walk.cell[row, axis] += walk.step[row, axis]
-        coordinate = walk.cell[row, axis]
+        found.append((ray[keep], column[at][keep], share[keep]))
+        light, here = light * (1 - alpha), leave
+        border[row, axis] += pitch[row, axis]
+        cell[row, axis] += step[row, axis]
+        coordinate = cell[row, axis]
         alive = (light > SPENT) & (coordinate >= 0) & (coordinate < shape[axis])
         if not alive.all():
-            walk, light = _Walk(*(a[alive] for a in walk)), light[alive]
+            walk = (ray, cell, here, border, pitch, step, light)
+            ray, cell, here, border, pitch, step, light = (a[alive] for a in walk)
     ray, cell, share = (np.concatenate(group) for group in zip(*found, strict=True))
     size = (len(rays.origins), int(column.max()) + 1)
     return csr_array((share.astype(np.float32), (ray, cell)), shape=size)
-
-
-class _Walk(NamedTuple):
-    """Rays inside the grid: number, cell, and lengths [m] so far, to the next border, between."""
-
-    ray: np.ndarray
-    cell: np.ndarray
-    here: np.ndarray
-    border: np.ndarray
-    pitch: np.ndarray
-    step: np.ndarray
-
-
-def _enter(rays: Rays, grid: Grid) -> _Walk:
-    """Every ray that meets the grid, at the point where it enters."""
-    tiny = np.finfo(float).tiny
-    directions = np.where(np.abs(rays.directions) < 1e-12, 1e-12, rays.directions)  # never parallel
-    bounds = np.stack([grid.lo, grid.hi])
-    times = (bounds[:, None] - rays.origins) / directions
-    enter = np.maximum(times.min(axis=0).max(axis=1), 0)
-    ray = np.flatnonzero(times.max(axis=0).min(axis=1) > enter + tiny)
-    origin, direction, enter = rays.origins[ray], directions[ray], enter[ray]
-    cell = grid.cell_of(origin + enter[:, None] * direction)
-    cell = np.clip(cell, 0, np.array(grid.shape) - 1)
-    step = np.sign(direction).astype(np.int64)
-    border = (grid.lo + (cell + (step > 0)) * grid.h - origin) / direction
-    pitch = grid.h / np.abs(direction)
-    return _Walk(ray, cell, enter.copy(), np.maximum(border, enter[:, None]), pitch, step)
 
 
 def _least_squares(
@@ -226,15 +203,20 @@ def _least_squares(
     narrow = matrix[:, met].tocsr()
     across = narrow.T.tocsr()
     root = np.sqrt(weight[met]).astype(np.float32)[:, None]
+
+    def normal(x: np.ndarray) -> np.ndarray:
+        """Left side of the scaled system: (D^-1/2 W^T W D^-1/2 + pull) x with D = W^T 1."""
+        return (across @ (narrow @ (x / root))) / root + np.float32(PULL) * x
+
     x = (across @ wanted) / root  # of the scaled unknowns root * Phi
     right = x * (1 + PULL)
-    residual = right - _normal(narrow, across, root, x)
+    residual = right - normal(x)
     direction, square = residual.copy(), (residual**2).sum(axis=0)
     limit = TOLERANCE**2 * (right**2).sum(axis=0)
     for _ in range(iterations):
         if (square <= limit).all():
             break
-        image = _normal(narrow, across, root, direction)
+        image = normal(direction)
         length = square / np.maximum((direction * image).sum(axis=0), np.finfo(np.float32).tiny)
         x += length * direction
         residual -= length * image
@@ -244,10 +226,3 @@ def _least_squares(
     values = np.zeros((len(weight), wanted.shape[1]), dtype=np.float32)
     values[met] = x / root
     return values
-
-
-def _normal(
-    matrix: csr_array, across: csr_array, root: np.ndarray, x: np.ndarray
-) -> Float[np.ndarray, "cells D"]:
-    """Left side of the scaled system: (D^-1/2 W^T W D^-1/2 + pull) x with D = W^T 1."""
-    return (across @ (matrix @ (x / root))) / root + np.float32(PULL) * x

@@ -106,17 +106,22 @@ def fit_radiance(
     background = torch.zeros(len(views.cameras), 3, requires_grad=True)
     descent = torch.optim.Adam([log_depth, tint, background], lr=options.rate)
     generator = torch.Generator().manual_seed(options.seed)
+
+    def rendered(depth, colour, rays: _Pixels, dice: torch.Generator | None = None):
+        """Colour and opacity of rays, before the backgrounds where these are not known."""
+        seen, cover = _render(depth, colour, rays, grid, dice)
+        if not masked:
+            seen = seen + (1 - cover)[:, None] * background.sigmoid()[rays.view]
+        return seen, cover
+
     for _ in range(options.steps):
         picked = torch.randint(len(pixels.view), (options.rays,), generator=generator)
         batch = _Pixels(*(column[picked] for column in pixels))
         depth = log_depth.exp() * allowed
-        seen, cover = _render(depth, tint.sigmoid(), batch, grid, generator)
+        seen, cover = rendered(depth, tint.sigmoid(), batch, generator)
+        loss = ((seen - batch.colour) ** 2).mean()
         if masked:
-            loss = ((cover - batch.opacity) ** 2).mean()
-        else:
-            seen = seen + (1 - cover)[:, None] * background.sigmoid()[batch.view]
-            loss = seen.new_zeros(())
-        loss = loss + ((seen - batch.colour) ** 2).mean()
+            loss = loss + ((cover - batch.opacity) ** 2).mean()
         taken = 1 - torch.exp(-depth)  # share of the light that a cell takes; its mean jump
         jumps = [taken.diff(dim=axis).abs().mean() for axis in (2, 3, 4)]
         loss = loss + options.smoothness * (jumps[0] + jumps[1] + jumps[2])
@@ -129,10 +134,7 @@ def fit_radiance(
         total = 0.0
         for start in range(0, len(pixels.view), BATCH):
             batch = _Pixels(*(column[start : start + BATCH] for column in pixels))
-            seen, cover = _render(depth, colour, batch, grid)
-            if not masked:
-                seen = seen + (1 - cover)[:, None] * background.sigmoid()[batch.view]
-            total += float(((seen - batch.colour) ** 2).sum())
+            total += float(((rendered(depth, colour, batch)[0] - batch.colour) ** 2).sum())
         optical = depth[0, 0].numpy().T.astype(np.float64)
         solid = 1 - np.exp(-optical) >= SOLID
         return Radiance(

@@ -75,6 +75,8 @@ def segment(
     keywords: At least two words or phrases.
     encoder: The encoder that made the features.
     """
+    from scipy.ndimage import label as connect
+
     if len(keywords) < 2:
         raise UsageError("segmentation.segmentation_needs", keywords=list(keywords))
     norm = np.linalg.norm(values, axis=1, keepdims=True)
@@ -83,29 +85,6 @@ def segment(
     relative = cosine - cosine.mean(axis=0)
     relative = relative / max(float(relative.std()), FLAT)
     label = relative.argmax(axis=1)
-    return Segmentation(label, tuple(keywords), _judge(label, relative, cells))
-
-
-def best_segmentation(
-    values: Float[np.ndarray, "n D"],
-    cells: Int[np.ndarray, "n 3"],
-    keyword_sets: Sequence[Sequence[str]],
-    encoder: Encoder,
-) -> Segmentation:
-    """Segment with every set of keywords and return the most coherent result."""
-    if not keyword_sets:
-        raise UsageError("segmentation.segmentation_needs_least")
-    tried = [segment(values, cells, keywords, encoder) for keywords in keyword_sets]
-    return max(tried, key=lambda segmentation: segmentation.coherence.score)
-
-
-def _judge(
-    label: Int[np.ndarray, "n"],
-    relative: Float[np.ndarray, "n words"],
-    cells: Int[np.ndarray, "n 3"],
-) -> Coherence:
-    from scipy.ndimage import label as connect
-
     low = cells.min(axis=0)
     grid = np.full(cells.max(axis=0) - low + 1, -1)
     at = tuple((cells - low).T)
@@ -122,11 +101,24 @@ def _judge(
         pairs += both.sum()
         same += (both & (a == b)).sum()
     logits = (relative - relative.max(axis=1, keepdims=True)) / TEMPERATURE / relative.shape[1]
-    best = 1 / np.exp(logits).sum(axis=1)
-    chance = 1 / relative.shape[1]
-    return Coherence(
+    best, chance = 1 / np.exp(logits).sum(axis=1), 1 / relative.shape[1]
+    coherence = Coherence(
         whole=float(whole / len(label)),
         compact=float(same / max(pairs, 1)),
         sure=float((best.mean() - chance) / (1 - chance)),
         used=len(np.unique(label)) / relative.shape[1],
     )
+    return Segmentation(label, tuple(keywords), coherence)
+
+
+def best_segmentation(
+    values: Float[np.ndarray, "n D"],
+    cells: Int[np.ndarray, "n 3"],
+    keyword_sets: Sequence[Sequence[str]],
+    encoder: Encoder,
+) -> Segmentation:
+    """Segment with every set of keywords and return the most coherent result."""
+    if not keyword_sets:
+        raise UsageError("segmentation.segmentation_needs_least")
+    tried = [segment(values, cells, keywords, encoder) for keywords in keyword_sets]
+    return max(tried, key=lambda segmentation: segmentation.coherence.score)

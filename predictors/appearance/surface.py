@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -38,13 +39,10 @@ def finish_of(mesh: trimesh.Trimesh) -> Finish:
     """Return the finish of a mesh's material; the default where it has none."""
     material: Any = getattr(mesh.visual, "material", None)
     if hasattr(material, "metallicFactor"):
-        metallic, roughness = material.metallicFactor, material.roughnessFactor
+        factors = (material.metallicFactor, material.roughnessFactor)
         # glTF 2.0: a factor that is not given is 1.
-        return Finish(
-            1.0 if metallic is None else float(metallic),
-            Finish().reflectance,
-            1.0 if roughness is None else float(roughness),
-        )
+        metallic, roughness = (1.0 if factor is None else float(factor) for factor in factors)
+        return Finish(metallic, roughness=roughness)
     if material is None or not hasattr(material, "specular"):
         return Finish()
     exponent = max(float(np.mean(material.glossiness or 0.0)), 0.0)
@@ -143,14 +141,11 @@ def _obj_factor(material: Any) -> Float[np.ndarray, "4"]:
     factor = _unit(np.asarray(material.diffuse)).astype(np.float64)
     factor[:3] = to_linear(factor[:3])
     given = {key.lower(): value for key, value in material.kwargs.items()}
-    for key, opacity in (("d", lambda x: x), ("tr", lambda x: 1 - x)):
-        words = given.get(key) or []
-        if (
-            words
-            and words[-1].replace(".", "", 1).replace("-", "", 1).replace("e", "", 1).isdigit()
-        ):
+    for key in ("d", "tr"):
+        with suppress(KeyError, TypeError, IndexError, ValueError):  # not there, empty, no number
+            value = float(given[key][-1])
+            value = value if key == "d" else 1 - value
             # Some exporters write 0 for "not transparent": nothing would be left to see.
-            value = opacity(float(words[-1]))
             factor[3] = value if 0 < value <= 1 else 1.0
             break
     return factor

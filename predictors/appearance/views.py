@@ -10,7 +10,6 @@ import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -96,80 +95,26 @@ def shade(
     return np.clip(diffuse + MIRRORED * fresnel * world, 0, 1)
 
 
-class _Hits(NamedTuple):
-    """Where rays met the asset: ray (n,), part (n,), face (n,), weights (n, 3), distance (n,)."""
+def render_views(asset: Asset, cameras: Sequence[Camera] | None = None) -> Views:
+    """Render an asset, by default from 15 cameras on its upper hemisphere."""
+    from embreex.mesh_construction import TriangleMesh
+    from embreex.rtcore_scene import EmbreeScene
 
-    ray: np.ndarray
-    part: np.ndarray
-    face: np.ndarray
-    weights: np.ndarray
-    distance: np.ndarray
+    cameras = tuple(cameras or hemisphere(asset.bounds, up=asset.up))
+    _check_one_size([camera.size for camera in cameras])
+    # Embree computes in float32: place the asset at the origin, with size 1.
+    center, size = asset.bounds.mean(axis=0), float(asset.size.max())
+    scene, meshes = EmbreeScene(), [part.mesh for part in asset.parts]
+    kept = [  # as long as the scene
+        TriangleMesh(scene, ((mesh.triangles - center) / size).astype(np.float32))
+        for mesh in meshes
+    ]
+    skins, glosses = [skin_of(mesh) for mesh in meshes], [gloss_of(mesh) for mesh in meshes]
+    names = [material_name(part.mesh) or part.name for part in asset.parts]
+    slot_names = tuple(dict.fromkeys(names))
+    slot = np.array([slot_names.index(name) for name in names])
 
-
-class Caster:
-    """The surfaces of an asset, ready to be met by rays."""
-
-    def __init__(self, asset: Asset) -> None:
-        from embreex.mesh_construction import TriangleMesh
-        from embreex.rtcore_scene import EmbreeScene
-
-        # Embree computes in float32: place the asset at the origin, with size 1.
-        self._center = asset.bounds.mean(axis=0)
-        self._size = float(asset.size.max())
-        self._scene = EmbreeScene()
-        self._meshes = [part.mesh for part in asset.parts]
-        self._keep = [
-            TriangleMesh(
-                self._scene, ((m.triangles - self._center) / self._size).astype(np.float32)
-            )
-            for m in self._meshes
-        ]
-        self._skins = [skin_of(mesh) for mesh in self._meshes]
-        self._glosses = [gloss_of(mesh) for mesh in self._meshes]
-        self.part_names = asset.part_names
-        names = [material_name(part.mesh) or part.name for part in asset.parts]
-        self.slot_names = tuple(dict.fromkeys(names))
-        self._slot = np.array([self.slot_names.index(name) for name in names])
-
-    def hits(
-        self, origins: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"]
-    ) -> _Hits:
-        """First surface that each ray meets; rays that meet none are left out. Lengths in [m]."""
-        out = self._scene.run(
-            np.ascontiguousarray((origins - self._center) / self._size, dtype=np.float32),
-            np.ascontiguousarray(directions, dtype=np.float32),
-            query="INTERSECT",
-            output=True,
-        )
-        ray = np.flatnonzero(out["geomID"] >= 0)
-        u, v = out["u"][ray].astype(np.float64), out["v"][ray].astype(np.float64)
-        return _Hits(
-            ray,
-            out["geomID"][ray].astype(np.int64),
-            out["primID"][ray].astype(np.int64),
-            np.stack([1 - u - v, u, v], axis=1),
-            out["tfar"][ray].astype(np.float64) * self._size,
-        )
-
-    def colours(self, hits: _Hits) -> Float[np.ndarray, "n 4"]:
-        """Colour (sRGB) and opacity of the surface at each hit."""
-        result = np.zeros((len(hits.ray), 4), dtype=np.float32)
-        for part in np.unique(hits.part):
-            mine = hits.part == part
-            result[mine] = self._skins[part](hits.face[mine], hits.weights[mine])
-        return result
-
-    def normals(self, hits: _Hits) -> Float[np.ndarray, "n 3"]:
-        """Unit normal of the surface at each hit, on the side that the triangle's turn says."""
-        result = np.zeros((len(hits.ray), 3))
-        for part in np.unique(hits.part):
-            mine = hits.part == part
-            corners = self._meshes[part].triangles[hits.face[mine]]
-            result[mine] = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        length = np.linalg.norm(result, axis=1, keepdims=True)
-        return result / np.maximum(length, np.finfo(float).tiny)
-
-    def view(self, camera: Camera) -> dict[str, np.ndarray]:
+    def picture(camera: Camera) -> dict[str, np.ndarray]:
         """Return the pixels of one picture, by the names of the fields of ``Views``."""
         directions = camera.directions().reshape(-1, 3)
         count = len(directions)
@@ -181,35 +126,48 @@ class Caster:
             "slot": np.full(count, -1),
             "finish": np.zeros((count, 3)),
         }
-        live = np.arange(len(directions))
-        passed = np.ones(len(directions))  # share of light that comes from further behind
-        travelled = np.zeros(len(directions))
+        live = np.arange(count)
+        passed = np.ones(count)  # share of light that comes from further behind
+        travelled = np.zeros(count)  # [m]
         for _ in range(MAX_LAYERS):
-            hits = self.hits(
-                camera.position + travelled[live, None] * directions[live], directions[live]
+            origins = camera.position + travelled[live, None] * directions[live]
+            out = scene.run(
+                np.ascontiguousarray((origins - center) / size, dtype=np.float32),
+                np.ascontiguousarray(directions[live], dtype=np.float32),
+                query="INTERSECT",
+                output=True,
             )
-            live = live[hits.ray]
+            met = np.flatnonzero(out["geomID"] >= 0)
+            live = live[met]
             if not live.size:
                 break
-            travelled[live] += hits.distance
-            colour = self.colours(hits)
-            alpha = np.where(colour[:, 3] < HOLE, 0.0, colour[:, 3])
-            pixels["colour"][live] += (passed[live] * alpha)[:, None] * colour[:, :3]
-            first = (alpha > 0) & (pixels["part"][live] < 0)
-            # What is known of the surface nearest to the camera
-            nearest, at = _Hits(*(column[first] for column in hits)), live[first]
-            normal = self.normals(nearest)
-            side = -np.sign(np.einsum("nk,nk->n", normal, directions[at]))
-            pixels["normal"][at] = normal * side[:, None]
-            pixels["depth"][at] = travelled[at]
-            pixels["part"][at] = nearest.part
-            pixels["slot"][at] = self._slot[nearest.part]
-            for part in np.unique(nearest.part):
-                mine = nearest.part == part
-                finish = self._glosses[part](nearest.face[mine], nearest.weights[mine])
-                pixels["finish"][at[mine]] = finish
+            part, face = (out[name][met].astype(np.int64) for name in ("geomID", "primID"))
+            u, v = (out[name][met].astype(np.float64) for name in ("u", "v"))
+            weights = np.stack([1 - u - v, u, v], axis=1)
+            travelled[live] += out["tfar"][met].astype(np.float64) * size
+            first = pixels["part"][live] < 0
+            alpha = np.zeros(len(live))
+            for number in np.unique(part):
+                mine = np.flatnonzero(part == number)
+                colour = skins[number](face[mine], weights[mine])
+                alpha[mine] = np.where(colour[:, 3] < HOLE, 0.0, colour[:, 3])
+                at = live[mine]
+                pixels["colour"][at] += (passed[at] * alpha[mine])[:, None] * colour[:, :3]
+                # What is known of the surface nearest to the camera
+                mine = mine[first[mine] & (alpha[mine] > 0)]
+                at = live[mine]
+                a, b, c = np.moveaxis(meshes[number].triangles[face[mine]], 1, 0)
+                normal = np.cross(b - a, c - a)
+                length = np.linalg.norm(normal, axis=1, keepdims=True)
+                normal /= np.maximum(length, np.finfo(float).tiny)
+                side = -np.sign(np.einsum("nk,nk->n", normal, directions[at]))
+                pixels["normal"][at] = normal * side[:, None]
+                pixels["depth"][at] = travelled[at]
+                pixels["part"][at] = number
+                pixels["slot"][at] = slot[number]
+                pixels["finish"][at] = glosses[number](face[mine], weights[mine])
             passed[live] *= 1 - alpha
-            travelled[live] += STEP * self._size
+            travelled[live] += STEP * size
             live = live[passed[live] > 1 - OPAQUE]
         # Compact types; the colour of what was met, without the background it lets through
         cover = 1 - passed
@@ -220,17 +178,10 @@ class Caster:
         result["opacity"] = cover.astype(np.float32)
         return {key: value.reshape(*camera.size, *value.shape[1:]) for key, value in result.items()}
 
-
-def render_views(asset: Asset, cameras: Sequence[Camera] | None = None) -> Views:
-    """Render an asset, by default from 15 cameras on its upper hemisphere."""
-    cameras = tuple(cameras or hemisphere(asset.bounds, up=asset.up))
-    _check_one_size([camera.size for camera in cameras])
-    caster = Caster(asset)
-    pictures = [caster.view(camera) for camera in cameras]
+    pictures = [picture(camera) for camera in cameras]
+    del kept
     pixels = {key: np.stack([picture[key] for picture in pictures]) for key in pictures[0]}
-    return Views(
-        cameras, part_names=caster.part_names, slot_names=caster.slot_names, up=asset.up, **pixels
-    )
+    return Views(cameras, part_names=asset.part_names, slot_names=slot_names, up=asset.up, **pixels)
 
 
 def _check_one_size(sizes: Sequence[tuple[int, int]]) -> None:

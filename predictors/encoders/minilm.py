@@ -84,7 +84,7 @@ class MiniLM:
 
     def _forward(self, tokens: Any) -> Any:
         """Vectors (n, length, dim) of tokens (n, length)."""
-        weights = self._weights
+        weights, xp, split = self._weights, self._arrays.module, (*tokens.shape, self._heads)
         x = (
             weights["embeddings.word_embeddings.weight"][tokens]
             + weights["embeddings.position_embeddings.weight"][: tokens.shape[1]]
@@ -93,26 +93,18 @@ class MiniLM:
         x = self._norm("embeddings.LayerNorm", x)
         for layer in range(self._layers):
             at = f"encoder.layer.{layer}"
-            attended = self._dense(f"{at}.attention.output.dense", self._attention(at, x))
+            # Multi-head softmax(q k^T / sqrt(d)) v, shape (n, length, dim)
+            roles = [self._dense(f"{at}.attention.self.{r}", x) for r in ("query", "key", "value")]
+            q, k, v = (role.reshape(*split, -1).swapaxes(1, 2) for role in roles)
+            logits = q @ k.swapaxes(-1, -2) / (self.dim // self._heads) ** 0.5
+            weight = xp.exp(logits - xp.amax(logits, -1, keepdims=True))
+            weight = weight / weight.sum(axis=-1, keepdims=True)
+            mixed = (weight @ v).swapaxes(1, 2).reshape(*tokens.shape, self.dim)
+            attended = self._dense(f"{at}.attention.output.dense", mixed)
             x = self._norm(f"{at}.attention.output.LayerNorm", x + attended)
-            inner = _gelu(self._dense(f"{at}.intermediate.dense", x), self._arrays.module)
+            inner = _gelu(self._dense(f"{at}.intermediate.dense", x), xp)
             x = self._norm(f"{at}.output.LayerNorm", x + self._dense(f"{at}.output.dense", inner))
         return x
-
-    def _attention(self, at: str, x: Any) -> Any:
-        """Multi-head softmax(q k^T / sqrt(d)) v, shape (n, length, dim)."""
-        n, length, dim = x.shape
-        xp = self._arrays.module
-
-        def split(role: str) -> Any:
-            projected = self._dense(f"{at}.attention.self.{role}", x)
-            return projected.reshape(n, length, self._heads, -1).swapaxes(1, 2)
-
-        q, k, v = map(split, ("query", "key", "value"))
-        logits = q @ k.swapaxes(-1, -2) / (dim // self._heads) ** 0.5
-        weight = xp.exp(logits - xp.amax(logits, -1, keepdims=True))
-        weight = weight / weight.sum(axis=-1, keepdims=True)
-        return (weight @ v).swapaxes(1, 2).reshape(n, length, dim)
 
     def _dense(self, name: str, x: Any) -> Any:
         flat = x.reshape(-1, x.shape[-1]) @ self._weights[f"{name}.weight"].T

@@ -115,13 +115,6 @@ def colours(pictures: torch.Tensor, size: tuple[int, int]) -> torch.Tensor:
     return total[:, :-1] / total[:, -1:].clamp(min=COVERED)
 
 
-def upsampled(level: torch.Tensor, size: tuple[int, int]) -> torch.Tensor:
-    """A level at the resolution of the output."""
-    import torch.nn.functional as F
-
-    return F.interpolate(level, size=size, mode="bilinear", align_corners=False)
-
-
 def head(weights: Weights, found: list[torch.Tensor]) -> torch.Tensor:
     """Unit vectors (n, h/4, w/4, dim) of ``levels``: words and, across them, what is plainly seen.
 
@@ -137,7 +130,7 @@ def head(weights: Weights, found: list[torch.Tensor]) -> torch.Tensor:
     read = weights["head.bias"][None, :, None, None]
     for number, level in enumerate(found):
         mapped = F.conv2d(level, weights[f"head.{number}.weight"][..., None, None])
-        read = read + (mapped if number < 2 else upsampled(mapped, size))
+        read = read + (mapped if number < 2 else F.interpolate(mapped, size, mode="bilinear"))
     read = read.permute(0, 2, 3, 1)
     count = weights["words.axes"].shape[1]
     said = read[..., :count] @ weights["words.axes"].T + weights["words.centre"]

@@ -9,15 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 
 from ...fem.errors import InputError
-
-if TYPE_CHECKING:
-    import torch
 
 MODEL, PRETRAINED = "ViT-L-14", "datacomp_xl_s13b_b90k"
 CACHED_NAMES = ("open_clip_model.safetensors", "open_clip_pytorch_model.bin")
@@ -95,7 +92,13 @@ class OpenClip:
                 rows, columns = x.shape[-2:]
                 x = x.flatten(2).transpose(1, 2)
                 first = visual.class_embedding.expand(len(x), 1, -1)
-                x = visual.ln_pre(_with_places(visual, first, x, rows, columns))
+                # Class token and patches plus their places, resized to rows x columns
+                places, grid = visual.positional_embedding, tuple(visual.grid_size)
+                at = places[1:].T.unflatten(1, grid)[None]
+                if grid != (rows, columns):
+                    at = F.interpolate(at, (rows, columns), mode="bicubic", antialias=True)
+                x = x + at.flatten(2).transpose(1, 2)
+                x = visual.ln_pre(torch.cat([first + places[:1], x], dim=1))
                 # Blocks of older models want (tokens, n, width).
                 transformer = visual.transformer
                 x = x if transformer.batch_first else x.transpose(0, 1)
@@ -112,44 +115,20 @@ class OpenClip:
         return np.concatenate(out)
 
 
-def _with_places(
-    visual: Any, first: torch.Tensor, patches: torch.Tensor, rows: int, columns: int
-) -> torch.Tensor:
-    """Class token and patches plus their position embeddings, resized to rows x columns."""
-    import torch
-    import torch.nn.functional as F
-
-    places = visual.positional_embedding
-    grid = places[1:].T.unflatten(1, tuple(visual.grid_size))[None]
-    if tuple(visual.grid_size) != (rows, columns):
-        grid = F.interpolate(grid, size=(rows, columns), mode="bicubic", antialias=True)
-    return torch.cat([first + places[:1], patches + grid.flatten(2).transpose(1, 2)], dim=1)
-
-
 def _weights_file(open_clip: Any, model: str, pretrained: str) -> Path:
     """The file of weights, without ever asking the network."""
     if Path(pretrained).is_file():
         return Path(pretrained)
     config = open_clip.pretrained.get_pretrained_cfg(model, pretrained)
     hub = str(config.get("hf_hub", "")).strip("/")
+    named = {"model": model, "pretrained": pretrained}
     if not hub:
-        known = open_clip.list_pretrained_tags_by_model(model)
-        raise InputError(
-            "openclip.openclip_weights",
-            model=model,
-            pretrained=pretrained,
-            known=", ".join(known) or "none",
-        )
+        known = ", ".join(open_clip.list_pretrained_tags_by_model(model)) or "none"
+        raise InputError("openclip.openclip_weights", known=known, **named)
     from huggingface_hub import try_to_load_from_cache
 
     for name in CACHED_NAMES:
         found = try_to_load_from_cache(hub, name)
         if isinstance(found, str):
             return Path(found)
-    raise InputError(
-        "openclip.weights_machine",
-        model=model,
-        pretrained=pretrained,
-        hub=hub,
-        cached_names=CACHED_NAMES[0],
-    )
+    raise InputError("openclip.weights_machine", hub=hub, cached_names=CACHED_NAMES[0], **named)

@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional as F
 
-from .layers import pool, pool_mask
+from .layers import pool
 
 Conditioning = Literal["grounded", "global", "concat", "crossattn"]
 # Input channels: occupied, red, green, blue, colour is known, and the place in the object's box.
@@ -110,7 +110,7 @@ def halve(scene: VoxelScene) -> VoxelScene:
     if features is not None and features.shape[2:] == mask.shape[2:]:
         features = pool(features, mask.to(features.dtype))
     part = F.max_pool3d(scene.part.float()[:, None], 2)[:, 0].long()
-    inputs = torch.cat([pool_mask(mask), pool(scene.inputs[:, 1:], mask)], dim=1)
+    inputs = torch.cat([F.max_pool3d(mask, 2), pool(scene.inputs[:, 1:], mask)], dim=1)
     return scene._replace(
         inputs=inputs,
         evidence=evidence.reshape(b, s, k, *evidence.shape[2:]),

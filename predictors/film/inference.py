@@ -6,7 +6,6 @@ and colour, by the asset's own names, and by the features of a vision-language e
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -22,7 +21,7 @@ from ...fem.table import MaterialTable, load_table
 from ..appearance.features import Appearance
 from ..asset import UpAxis
 from ..encoders.registry import TextEncoder
-from ..field import DEFAULT, Normalisation
+from ..field import DEFAULT, Normalisation, read_weights
 from ..film.words import EncodedText, HintedEncoder
 from ..grid import PartVoxels, pooled
 from ..matter import MOST, by_appearance, by_look, matters, moved, typed_values
@@ -138,14 +137,9 @@ class FilmModel:
         spread = values[..., 0].std(axis=0) * normalisation.span[0] / 2
         shares = shares[..., [*range(len(heard.clauses)), -1]]  # without the slot of a silent text
         found = Inference(
-            heard.clauses,
-            frame.back(values.mean(axis=0), parts),
-            frame.back(shares, parts),
-            frame.back(spread, parts),
-            normalisation,
-            heard.of_pieces,
-            heard.unbound,
-        )
+            heard.clauses, frame.back(values.mean(axis=0), parts), frame.back(shares, parts),
+            frame.back(spread, parts), normalisation, heard.of_pieces, heard.unbound,
+        )  # fmt: skip
         # Otherwise each part is of one matter.
         found = found if heard.of_pieces else found.pooled(parts)
         return found.seen(parts, frame, appearance or Appearance(), self.table)
@@ -356,15 +350,10 @@ def load_checkpoint(path: Path) -> FilmUNet:
 
     Raises InputError: Where the file holds no such network.
     """
-    from safetensors import SafetensorError, safe_open
-
     try:
-        with safe_open(path, framework="pt") as file:
-            facts = file.metadata()
-            config = NetworkConfig.from_dict(json.loads(facts["network"]))
-            normalisation = Normalisation.from_dict(json.loads(facts["normalisation"]))
-            tensors = {key: file.get_tensor(key).float() for key in file.keys()}
-    except (SafetensorError, OSError, KeyError, TypeError, ValueError) as error:
+        facts, normalisation, tensors = read_weights(path)
+        config = NetworkConfig.from_dict(facts["network"])
+    except (OSError, KeyError, TypeError, ValueError) as error:
         raise InputError("inference.checkpoint_film", path=path, error=error) from error
     network = FilmUNet(config, normalisation=normalisation)
     network.load_state_dict(tensors)

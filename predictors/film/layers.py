@@ -72,11 +72,6 @@ def pool(x: Tensor, mask: Tensor, factor: int = 2) -> Tensor:
     return F.avg_pool3d(x * mask, factor) / share.clamp(min=EPSILON)
 
 
-def pool_mask(mask: Tensor, factor: int = 2) -> Tensor:
-    """Mask of the coarser level: occupied where any voxel is."""
-    return F.max_pool3d(mask, factor)
-
-
 def masked_mean(x: Tensor, mask: Tensor) -> Tensor:
     """Mean over the occupied voxels, (batch, channels), in float32."""
     total = (x * mask).sum(dim=(2, 3, 4), dtype=torch.float32)

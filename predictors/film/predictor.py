@@ -76,19 +76,15 @@ class FilmPredictor:
             pieces = Partition(parts, tuple(range(len(owners))), owners)
         decided = [
             replace(choices[parent], part=name)
-            if parent not in left_open
-            else self._choose(
-                replace(choices[parent], part=name), found, pieces.parts.part == i, owner
-            )
-            for i, (name, parent, owner) in enumerate(
-                zip(pieces.parts.part_names, pieces.parents, pieces.owners, strict=True)
-            )
+            for parent, name in zip(pieces.parents, pieces.parts.part_names, strict=True)
         ]
+        for i, (parent, owner) in enumerate(zip(pieces.parents, pieces.owners, strict=True)):
+            if parent in left_open:
+                decided[i] = self._choose(decided[i], found, pieces.parts.part == i, owner)
         # The choices' values, and the network's own cell by cell where it decided alone
         field = field_of(pieces.parts, decided)
-        learned = np.isin(
-            pieces.parts.part, [i for i, choice in enumerate(decided) if choice.network]
-        )
+        own = [i for i, choice in enumerate(decided) if choice.network]
+        learned = np.isin(pieces.parts.part, own)
         values = {
             name: np.where(learned, value, getattr(field, name))
             for name, value in zip(FIELDS, found.normalisation.physical(found.values), strict=True)
@@ -134,17 +130,12 @@ class FilmPredictor:
         if certainty is not None:
             why += Note("predictor.right_about", certainty=10 * certainty)
         if clause is not None and clause.material:
-            choice = self.lookup.of_clause(words.part, clause, why)
             return replace(
-                choice,
-                weight=share,
-                settled=False,
-                binding=binding,
-                unknown=words.unknown,
-                guessed=words.unknown is not None,
-            )
+                self.lookup.of_clause(words.part, clause, why), weight=share, settled=False,
+                binding=binding, unknown=words.unknown, guessed=words.unknown is not None,
+            )  # fmt: skip
         mean = found.values[cells].mean(axis=0)
-        value = MaterialValue(*(float(x) for x in found.normalisation.physical(mean)))
+        value = MaterialValue(*map(float, found.normalisation.physical(mean)))
         row = nearest_row(self.table, found.normalisation, mean)
         return PartChoice(
             words.part, row, value, share, 0.5, why, settled=False, binding=binding,

@@ -18,7 +18,7 @@ from torch.nn import functional as F
 from ..field import DEFAULT, Normalisation
 from ..film.words import CHANNELS, LOUDNESS
 from .config import INPUTS, NO_CLAUSE, NetworkConfig, Output, VoxelScene, halve
-from .layers import FilmBlock, Listening, Modulation, masked_mean, mix, pool, pool_mask
+from .layers import FilmBlock, Listening, Modulation, masked_mean, mix, pool
 
 SLOT_TYPES = 4  # clause, nothing known, what the object is, own name of the part
 
@@ -44,20 +44,6 @@ class SlotEncoder(nn.Module):
         return self.net(torch.cat([self.listen(embedding), one_hot], dim=-1))
 
 
-class FeatureProjector(nn.Module):
-    """Features of an image encoder as channels beside the stem's; at the start it adds nothing."""
-
-    def __init__(self, features: int, channels: int) -> None:
-        super().__init__()
-        self.scale = features**0.5  # to unit variance
-        self.project = nn.Conv3d(features, channels, 1, bias=False)
-        nn.init.zeros_(self.project.weight)
-
-    def forward(self, features: Tensor) -> Tensor:
-        """Channels (batch, channels, x, y, z) of unit vectors (batch, features, x, y, z)."""
-        return self.project(features * self.scale)
-
-
 class FilmUNet(nn.Module):
     """The whole network; ``conditioning`` other than grounded are the rows of the ablation.
 
@@ -72,9 +58,11 @@ class FilmUNet(nn.Module):
         widths, slot = self.config.widths, self.config.slot_width
         extra = widths[0] if self.config.conditioning == "concat" else 0
         self.stem = nn.Conv3d(INPUTS + extra, widths[0], 3, padding=1)
-        self.eye = (
-            FeatureProjector(self.config.features, widths[0]) if self.config.features else None
-        )
+        # Features of an image encoder as channels beside the stem's; at the start it adds nothing
+        features = self.config.features
+        self.eye = nn.Conv3d(features, widths[0], 1, bias=False) if features else None
+        if self.eye is not None:
+            nn.init.zeros_(self.eye.weight)
         self.encode = nn.ModuleList(FilmBlock(c, slot) for c in widths)
         self.down = nn.ModuleList(nn.Conv3d(a, b, 2, stride=2) for a, b in pairwise(widths))
         self.up_query, self.query = self._decoder()
@@ -109,7 +97,7 @@ class FilmUNet(nn.Module):
         half = scene if self.fine is None else halve(scene)
         masks = [half.inputs[:, :1]]
         for _ in self.down:
-            masks.append(pool_mask(masks[-1]))
+            masks.append(F.max_pool3d(masks[-1], 2))  # occupied where any voxel is
         if self.config.conditioning != "grounded":
             # Ablations: one vector of the text for all voxels, or unsupervised attention
             k = half.clauses.shape[1]
@@ -157,7 +145,7 @@ class FilmUNet(nn.Module):
     def _encoder(self, scene: VoxelScene, masks: list[Tensor], films) -> list[Tensor]:
         x = self.stem(scene.inputs)
         if self.eye is not None and scene.features is not None:
-            x = x + self.eye(scene.features)
+            x = x + self.eye(scene.features * self.config.features**0.5)  # to unit variance
         x = x * masks[0].to(x.dtype)
         skips = []
         for level, block in enumerate(self.encode):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -79,10 +79,17 @@ def modulus_of_shore_d(hardness: float) -> Derived:
     return Derived(E, Note("numbers.mpa_shore_qis", e=E / 1e6, hardness=hardness, inside=inside))
 
 
-def of_infill(solid: MaterialValue, share: float) -> tuple[MaterialValue, str]:
-    """Value of a print filled to ``share`` (0, 1]: Gibson and Ashby's open cells, E ~ share^2."""
-    value = solid._replace(E=solid.E * share**2, rho=solid.rho * share)
-    how = Note("numbers.infill_pa", share=share, e=value.E, rho=value.rho)
+USUAL_SKIN = 0.8e-3  # m: two lines of .4 mm and four layers of .2 mm, where a text says no more
+
+
+def of_infill(solid: MaterialValue, share: float, skin: float = 0.0) -> tuple[MaterialValue, str]:
+    """Value of a print filled to ``share`` (0, 1] inside a solid ``skin`` of so much of its volume.
+
+    Gibson and Ashby's open cells inside, E ~ share^2; skin and inside bear side by side.
+    """
+    E = solid.E * (skin + (1 - skin) * share**2)
+    value = solid._replace(E=E, rho=solid.rho * (skin + (1 - skin) * share))
+    how = Note("numbers.infill_pa", share=share, skin=skin, e=value.E, rho=value.rho)
     return value, how
 
 
@@ -135,12 +142,15 @@ def with_numbers(
     blend: Blend | None = None,
     volume: float = 0.0,
     named: bool = False,
+    within: Callable[[float], float] | None = None,
 ) -> Said:
     """Return a row's value with all that was said in numbers.
 
     A second matter and infill move what the table has, a hardness gives E; E, nu and rho come out
-    as they were said. ``volume`` [m^3] turns a mass into a density. Beside a row that is ``named``
-    a mass, or a pressure that no word calls a modulus, must be of such matter, or it is told.
+    as they were said. ``volume`` [m^3] turns a mass into a density; ``within`` gives the share of
+    the part's volume that lies so deep [m] below its surface at most, for the skin of a print.
+    Beside a row that is ``named`` a mass, or a pressure that no word calls a modulus, must be of
+    such matter, or it is told.
     """
     how: list[str] = []
     warnings: list[str] = []
@@ -164,7 +174,8 @@ def with_numbers(
             value = value._replace(E=E, nu=RUBBER_NU if E < ELASTIC else value.nu)
             how.append(line)
     if "infill" in said:
-        value, line = of_infill(value, said["infill"].value)
+        skin = said["skin"].value if "skin" in said else USUAL_SKIN
+        value, line = of_infill(value, said["infill"].value, within(skin) if within else 0.0)
         how.append(line)
     if "mass" in said:
         before = value
@@ -173,6 +184,16 @@ def with_numbers(
     if "thickness" in said and not wall_named(part, [said["thickness"]]):
         warnings.append(Note("numbers.part_changes", part=part, text=said["thickness"].text))
     exact = {name: said[name].value for name in ("E", "nu", "rho") if name in said}
+    dense = exact.get("rho", row.rho.min)
+    if named and not _near(row.rho, dense):
+        solid, low, high = value.rho, *row.rho
+        odd = {"part": part, "text": said["rho"].text, "name": row.name, "low": low, "high": high}
+        if dense < solid and "E" not in exact:
+            value, _ = of_infill(value, dense / solid)
+            how.append(Note("numbers.cells", share=dense / solid, e=value.E))
+            warnings.append(Note("numbers.part_porous", **odd, e=value.E))
+        else:
+            warnings.append(Note("numbers.part_density", **odd))
     if exact:
         how.append(", ".join(said[name].text for name in exact) + " as said")
     value = value._replace(**exact)

@@ -12,7 +12,7 @@ import re
 from collections import defaultdict
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache, lru_cache
+from functools import cache, lru_cache, partial
 from typing import ClassVar, NamedTuple, get_args
 
 import numpy as np
@@ -80,6 +80,7 @@ class Lookup:
         values: Mapping[str, Mapping[str, float]] | None = None,
         alpha: float | None = None,
         volumes: Sequence[float] | None = None,
+        within: Callable[[int, float], float] | None = None,
     ) -> WordChoices:
         """Choose the material of every part as far as words go.
 
@@ -90,6 +91,7 @@ class Lookup:
         alpha: Place of E in its range, 0 (soft) to 1 (stiff); None follows words such as "soft".
         volumes: Of the parts [m^3]: of those that no word tells apart, the larger is spoken of
             first.
+        within: Share of a part's volume, by its number, at most so deep [m] below its surface.
         """
         vocabulary = vocabulary_of(self.table)
         parts = [
@@ -102,8 +104,10 @@ class Lookup:
             of_all[said] += part.volume
         self._decider.prepare(parts, statements)
         choices = []
-        for part, said in zip(parts, statements, strict=True):
-            choice, more = self._decider.decide(part, said, alpha=alpha, volume=of_all[said])
+        for i, (part, said) in enumerate(zip(parts, statements, strict=True)):
+            choice, more = self._decider.decide(
+                part, said, alpha=alpha, volume=of_all[said], within=within and partial(within, i)
+            )
             choices.append(choice)
             warnings += more
         choices, more = with_relations(
@@ -137,7 +141,7 @@ class Lookup:
             )  # fmt: skip
             if len(numbers) == len(value):
                 choices[i] = as_stated(choices[i])
-        return WordChoices(choices, tuple(dict.fromkeys((*warnings, *more))))
+        return WordChoices(choices, _grouped([*warnings, *more]))
 
     def of_clause(self, part: str, clause: Clause, why: str) -> PartChoice:
         """Choose for a part the material that a clause names, soft or stiff as its level says."""
@@ -196,6 +200,18 @@ class Lookup:
         if all(map(self._decider.keeps_name, parts, statements)):
             statements = [replace(said, whole=False) for said in statements]
         return statements, warnings
+
+
+def _grouped(lines: Sequence[str]) -> tuple[str, ...]:
+    """Lines that say the same of several parts as one."""
+    parts: dict[str, list[str]] = {}  # what is said -> the parts that it is said of
+    for line in dict.fromkeys(lines):
+        found = re.fullmatch(r"part ('[^']*'): (.*)", line) if type(line) is str else None
+        parts.setdefault(found[2] if found else line, []).extend([found[1]] if found else [])
+    return tuple(
+        f"part{'s' * (len(of) > 1)} {', '.join(of)}: {said}" if of else said
+        for said, of in parts.items()
+    )
 
 
 def _unread(sentence: Sentence) -> Iterator[str]:
@@ -453,6 +469,7 @@ def _known_values(
 # What an everyday part is made of if neither the text nor its name says more.
 COMMON = "wood steel plastic glass ceramic fabric leather rubber stone paper".split()
 ALSO_COMMON = ("foam", "soft foam", "concrete", "felt")  # where a level or a kind is said
+_WIDE_KINDS = ("metal", "glass-ceramic", "stone", "composite")  # of which no row is usual
 _SPOKEN_DEGREE: dict[Degree, tuple[str, ...]] = {
     1: ("soft", "flexible", "very soft"), 2: ("soft", "flexible"), 3: (),
     4: ("hard", "rigid", "stiff"), 5: ("hard", "rigid", "stiff"),
@@ -538,7 +555,13 @@ class Decider:
         self.kernel.embed([_query(part, words) for part, words in unnamed])
 
     def decide(
-        self, part: NamedPart, statement: PartStatement, *, alpha: float | None, volume: float
+        self,
+        part: NamedPart,
+        statement: PartStatement,
+        *,
+        alpha: float | None,
+        volume: float,
+        within: Callable[[float], float] | None = None,
     ) -> tuple[PartChoice, tuple[str, ...]]:
         """Return the choice for a part of which so much is said, and what to warn of.
 
@@ -558,14 +581,23 @@ class Decider:
             choice.row, stiffness=stiffness, density=density, character=statement.all("character"),
             absolute=statement.naming is None and choice.guessed,
         )  # fmt: skip
+        swims, water = [], statement.all("character")
+        if statement.naming and "sinks" in water and value.rho <= WATER:
+            swims = [Note("resolve.sinks", rho=SUNK * WATER, name=choice.row.name, own=value.rho)]
+            value = value._replace(rho=SUNK * WATER)
+        if statement.naming and "floats" in water and value.rho >= WATER:
+            swims = [Note("resolve.floats", rho=WATER / SUNK, name=choice.row.name, own=value.rho)]
+            value = value._replace(rho=WATER / SUNK)
         place = PLACE[stiffness] if stiffness else 0.5
         if alpha is not None:
             place, value = alpha, value._replace(E=choice.row.value(alpha).E)
         choice = replace(choice, value=value, alpha=place)
         value, derivation, warnings, exact = with_numbers(
             part.name, choice.row, choice.value, statement.numbers,
-            blend=statement.first("blend"), volume=volume, named=statement.naming is not None,
+            blend=statement.first("blend"), volume=volume, within=within,
+            named=statement.naming is not None,
         )  # fmt: skip
+        derivation = (*swims, *derivation)
         choice = replace(choice, value=value, derivation=derivation, exact=exact)
         if derivation and not statement.open:
             choice = replace(choice, settled=True)
@@ -730,7 +762,7 @@ def _choice(
 def _kind_taken(part: NamedPart, statement: PartStatement, row: Material) -> tuple[str, ...]:
     """That a row stands for a kind of matter; generic rows span theirs."""
     naming = statement.naming
-    if naming and naming.kind and "generic" not in row.name:
+    if naming and naming.kind and "generic" not in row.name and row.category in _WIDE_KINDS:
         kind = Note("resolve.kind_matter", phrase=naming.phrase)
         return (Note("resolve.part_taken", name=part.name, kind=kind, name_2=row.name),)
     return ()
@@ -765,6 +797,7 @@ NEARLY = 1.5  # as light as the lightest that is as stiff: aluminium beside carb
 SHARES = (0.04, 0.25, 0.5, 0.75, 0.96)
 PLACE: dict[Degree, float] = dict(zip(get_args(Degree), SHARES, strict=True))
 WATER = 1000.0  # [kg/m^3]
+SUNK = 1.05  # of water's, what is said to sink weighs at least
 # Words for behaviour -> the categories that behave so, by what each is known for (Ashby, fig. 4.7:
 # fracture toughness; elastomers return what they take up).
 BEHAVING: dict[str, frozenset[str]] = {

@@ -20,12 +20,13 @@ from pathlib import Path
 from ...fem.note import Note
 from ...fem.table import Material
 from .english import Atom, Lexeme, Phrase, is_glue, words
+from .languages import glossed
 from .materials import LONGEST_PHRASE, Meaning, ReaderLexicon, atoms, named_materials
 from .numerals import Comparison, Numeral, Quantity, number, numerals
 from .parts import part_name_words
 
 # Of candidates over each other the longest is taken, then the one of the lowest rank.
-_RANK = {"part": 0, "number": 1, "told": 1, "size": 1, "material": 2}
+_RANK = {"part": 0, "number": 1, "material": 2, "told": 2.5, "size": 2.5}
 # What the model is shown for tokens that it cannot know, and for phrases that are one token here.
 _PLAIN = {"material": "wood", "number": "12", "size": "12", "told": "12", "part": "part"}
 _PHRASES = {
@@ -46,15 +47,27 @@ class Lexed:
 def lex(text: str, lexicon: ReaderLexicon, names: Sequence[str]) -> Lexed:
     """Cut a text into lexemes and tag them."""
     known = {word for name in names for word in part_name_words(name)}
+    head = text.partition("\n")[0]
+    if head.count(",") and _HEADED.search(head):  # a table with commas between its columns
+        text = re.sub(r",(?!\s)", "|", text)
     for rule in words()["rewrites"]:  # what stands for a word is written by it, in as many letters
         width = lambda m, to=rule["to"]: m.expand(to).ljust(len(m[0]))[: len(m[0])]  # noqa: E731
         text = re.sub(rule["find"], width, text)
+    for pattern in _IGNORED:
+        text = pattern.sub(lambda m: " " * len(m[0]), text)
     text, loads = without_loads(text)
-    numbers = numerals(text)
+    numbers = numerals(lexicon.undesignated(text))
     cut = atoms(text, lexicon.model, known)
-    cut, notes, strange, mended = _mended_spelling(cut, lexicon, known)
+    foreign = glossed(cut, lexicon, known)
+    if foreign:
+        notes = [Note("lexing.read_as", language=foreign.language)]
+        cut, strange, mended = foreign.atoms, foreign.unknown, {}
+    else:
+        cut, notes, strange, mended = _mended_spelling(cut, lexicon, known)
+    if not cut:
+        return Lexed([], [*loads, *notes])
     out: list[Lexeme] = []
-    materials = named_materials(text, cut, lexicon, known)
+    materials = named_materials(text, cut, lexicon, known, several=len(names) > 1)
     candidates = _spans(text, cut, numbers, materials, lexicon, names, known)
     for lexeme in sorted(candidates, key=lambda x: (x.start - x.end, _RANK.get(x.role, 3))):
         if all(lexeme.end <= c.start or c.end <= lexeme.start for c in out):
@@ -99,6 +112,8 @@ def lex(text: str, lexicon: ReaderLexicon, names: Sequence[str]) -> Lexed:
 # Loads that a text speaks of: its words set none, so that they are told with what does.
 
 _LOADS = re.compile(words()["loads"]["pattern"], re.VERBOSE)
+_HEADED = re.compile(r"(?i)(?<!\w)(?:material|mat|werkstoff|matériau|part|part name|bauteil)(?!\w)")
+_IGNORED = [re.compile(rf"(?<![\w.])(?:{each})") for each in words()["ignored"]["patterns"]]
 _LOAD_END = re.compile(r"[;\n]|[,.](?=\s|$)|\s(?=and\b|but\b|while\b|which\b)|$")
 
 
@@ -157,12 +172,20 @@ def _mended_spelling(
     long = sum(atom.text.isalpha() and len(atom.text) >= SHORTEST_MENDED for atom in cut)
     left = [i for i in left if not cut[i].text.isupper()]
     foreign = len(left) >= 3 and len(left) >= FOREIGN_SHARE * long
+    strange_long = [i for i in odd if len(cut[i].text) >= SHORTEST_MENDED]
+    if len(strange_long) >= 3 and len(strange_long) == long:
+        return [], [Note("lexing.language_read")], set(), {}
     if odd and not foreign:  # or another language has more of its small words than English has
-        low = [a.text.lower() for a in cut if a.text.isalpha() and not a.text.isupper()]
+        ends = {a.end for a in cut if a.text[0].isdigit()}  # "Ni" of "CuAl10Ni5" is no word
+        low = [
+            a.text.lower() for a in cut
+            if a.text.isalpha() and not a.text.isupper() and a.start not in ends
+        ]  # fmt: skip
         small = {code: _small_words(code) for code in LANGUAGES}
         english = sum(word in small["en"] for word in low)
         alien = (sum(w in small[code] and w not in small["en"] for w in low) for code in LANGUAGES)
-        foreign = max(alien) > max(english, 1)
+        if max(alien) > max(english, 1):
+            return [], [Note("lexing.language_read")], set(), {}
     if foreign:
         note = Note("lexing.words_english", count=len(odd), long=long)
         return cut, [note], {cut[i].start for i in odd}, {}
@@ -270,6 +293,13 @@ def _spans(
         stems = part_name_words(name)
         for m in re.finditer(rf"(?i)(?<!\w){written}(?!\w)", text):
             found.append(Lexeme(m[0], *m.span(), "part", name, stems, part=True))
+    # Names with a wildcard, as files of robots have them: "arm_link*", "link.*"
+    for m in re.finditer(r"(?<![\w*])(\w{2,}?)[._-]?\*", text):
+        meant = [name for name in names if name.lower().startswith(m[1].lower())]
+        if meant:
+            found.append(
+                Lexeme(m[0], *m.span(), "part", meant, part_name_words(meant[0]), part=True)
+            )
     for n in numbers:
         role = "number" if n.value else "told" if n.note else "size"
         found.append(Lexeme(text[n.start : n.end], n.start, n.end, role, n.value, note=n.note))
@@ -333,6 +363,12 @@ def spelt_out(lexemes: list[Lexeme], names: Sequence[str]) -> list[Lexeme]:
     out: list[Lexeme] = []
     first: Lexeme | None = None  # a part or its number, and nothing but "to" or dots since
     for lexeme in lexemes:
+        for name in lexeme.value[:-1] if isinstance(lexeme.value, list) else ():
+            each = replace(lexeme, words=part_name_words(name), value=name)
+            out += [each, replace(lexeme, role="and", words=(), part=False, value=None)]
+        if isinstance(lexeme.value, list):
+            last = lexeme.value[-1]
+            lexeme = replace(lexeme, words=part_name_words(last), value=last)
         ends = lexeme.role == "part" or (lexeme.role == "digits" and lexeme.part)
         bare = ends and first is not None and lexeme.role == "digits"
         if bare and first is not None and first.role == "part":  # "rib_01..03"
@@ -351,6 +387,20 @@ def spelt_out(lexemes: list[Lexeme], names: Sequence[str]) -> list[Lexeme]:
         if ends or (first is not None and lexeme.text.lower() not in _THROUGH):
             first = lexeme if ends else None
         out.append(lexeme)
+    return out
+
+
+def one_of(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
+    """Leave of materials between which the text does not decide the first, and tell it."""
+    out: list[Lexeme] = []
+    for lexeme in lexemes:
+        either = [x.text.lower() for x in out[-1:]] in (["or"], ["and/or"])
+        first = out[-2] if either and len(out) > 1 else None
+        if first and first.role == lexeme.role == "material" and first.value is not lexeme.value:
+            note = Note("lexing.one_of", first=first.text, second=lexeme.text)
+            out[-2:] = [replace(first, note=note)]
+        else:
+            out.append(lexeme)
     return out
 
 

@@ -51,21 +51,22 @@ class ReaderLexicon:
         self._acronyms: set[Phrase] = set()
         self._row_words: dict[str, set[str]] = {}  # of the rows that were asked for
         self.listed: set[Phrase] = set()  # with a comma in them: "oak, willow"
-        for row in table:
-            # A name may carry what tells it from its kin: "oak, willow (along grain)".
-            for name in (re.sub(r"\s*\(.*?\)", "", row.name), row.name, *row.aliases):
-                phrase = self.phrase(name)
-                if not phrase or "(contents)" in name:
-                    continue
-                self.rows.setdefault(phrase, row)
-                if "," in name:
-                    self.listed.add(phrase)
-                if len(phrase) == 1 and len(phrase[0]) <= SHORT:
-                    parts = re.split(r"[\s,]+", row.name)
-                    upper = any(name.upper() in {part, part.strip("()")} for part in parts)
-                    spoken = re.search(r"[aeiouy]", name.lower())
-                    if upper or not spoken or not self.model.is_word(name):
-                        self._acronyms.add(phrase)
+        called = [(row, name) for row in table for name in (row.name, *row.aliases)]
+        # A name may carry what tells it from its kin: "oak, willow (along grain)".
+        called += [(row, re.sub(r"\s*\(.*?\)", "", row.name)) for row in table]
+        for row, name in called:
+            phrase = self.phrase(name)
+            if not phrase or "(contents)" in name:
+                continue
+            self.rows.setdefault(phrase, row)
+            if "," in name:
+                self.listed.add(phrase)
+            if len(phrase) == 1 and len(phrase[0]) <= SHORT:
+                parts = re.split(r"[\s,]+", row.name)
+                upper = any(name.upper() in {part, part.strip("()")} for part in parts)
+                spoken = re.search(r"[aeiouy]", name.lower())
+                if upper or not spoken or not self.model.is_word(name):
+                    self._acronyms.add(phrase)
 
         for means, names in designations()["trade"].items():
             if row := self.rows.get(self.phrase(means)):
@@ -193,18 +194,23 @@ class ReaderLexicon:
 
     @cached_property
     def designations(self) -> list[tuple[re.Pattern, Material]]:
-        """Patterns of standards, each with the first of its rows that the table has."""
-        found = []
-        for entry in designations()["designation"]:
-            row = self.first_row(entry["rows"])
-            if row:
-                found.append(
-                    (
-                        re.compile(rf"(?<![\w.-])(?:{entry['pattern']})(?:\+[A-Z]{{1,3}})?(?!\w)"),
-                        row,
-                    )
-                )
-        return found
+        """Patterns of standards, each with the first of its family's rows that the table has."""
+        families = ((f["patterns"], self.first_row(f["rows"])) for f in designations()["family"])
+        return [
+            (re.compile(rf"(?<![\w.-])(?:{pattern})(?:\+[A-Z]{{1,3}})?(?!\w)"), row)
+            for patterns, row in families
+            for pattern in patterns
+            if row
+        ]
+
+    def undesignated(self, text: str) -> str:
+        """A text with blanks for designations that hold letters and digits: "PA66" is no pascal."""
+        for pattern, _ in self.designations:
+            for m in pattern.finditer(text):
+                code = re.fullmatch(r"(?=.*\d)(?=.*[A-Za-z])[^\s%]{3,}", m[0])
+                if code and not re.match(r" ?(?:[kMG]?Pa|psi|ksi|k?g/|N/)", text[m.end() :]):
+                    text = text[: m.start()] + " " * len(m[0]) + text[m.end() :]
+        return text
 
 
 _KEPT: dict[int, ReaderLexicon] = {}
@@ -223,29 +229,44 @@ LONGEST_PHRASE = 7  # atoms: "Ti-6Al-4V titanium"
 
 
 def named_materials(
-    text: str, cut: list[Atom], lexicon: ReaderLexicon, known: set[str]
+    text: str, cut: list[Atom], lexicon: ReaderLexicon, known: set[str], *, several: bool
 ) -> list[Lexeme]:
     """Rows of the table that a text names, at every place the longest phrase, and designations.
 
-    A phrase whose last word is a ``known`` part's is that part's name too.
+    A phrase whose last word is a ``known`` part's is that part's name too; where there are
+    ``several`` parts, its first may stand in a list of them.
     """
+    listed = known if several else set[str]()
     found: list[Lexeme] = []
     for i in range(len(cut)):
         sizes = range(min(LONGEST_PHRASE, len(cut) - i), 0, -1)
-        candidates = (_material(cut, i, size, text, lexicon, known) for size in sizes)
+        candidates = (_material(cut, i, size, text, lexicon, known, listed) for size in sizes)
         best = next((lexeme for lexeme in candidates if lexeme), None)
         if best:
             part = best.words[-1] in known
             found.append(replace(best, part=part, names=best.names or best.words[-1:] * part))
-    return found + [
-        Lexeme(match[0], match.start(), match.end(), "material", row, (match[0].lower(),))
-        for pattern, row in lexicon.designations
-        for match in pattern.finditer(text)
-    ]
+    graded = [x for x in found if x.value.grade]
+    for pattern, row in lexicon.designations:
+        for m in pattern.finditer(text):
+            # "EN AW-6082 T6" has a row, and "EN AW-6082 T4" its family's.
+            own = (
+                x.value for x in graded
+                if m.start() <= x.start and x.end == m.end() and x.value.category == row.category
+                and not re.search(r"\d", text[m.start() : x.start])
+            )  # fmt: skip
+            value = next(own, row)
+            found.append(Lexeme(m[0], m.start(), m.end(), "material", value, (m[0].lower(),)))
+    return found
 
 
 def _material(
-    cut: list[Atom], i: int, size: int, text: str, lexicon: ReaderLexicon, known: set[str]
+    cut: list[Atom],
+    i: int,
+    size: int,
+    text: str,
+    lexicon: ReaderLexicon,
+    known: set[str],
+    listed: set[str],
 ) -> Lexeme | None:
     """A row of the table in ``size`` words from ``i`` on, which only hyphens and the like part."""
     end, count = i, 0
@@ -276,8 +297,8 @@ def _material(
     if text[start - 1 : start].isdigit():  # "Pb" of "CuSn10Pb1"
         return None
     opens = i == 0 or cut[i - 1].text in "|;,\n"  # "spring steel" of a spring, "| saddle leather"
-    divided = opens and run[0].stem in known and stems[1:] in lexicon.rows
-    if divided and known & {atom.stem for atom in cut if atom not in run}:
+    divided = opens and run[0].stem in listed and stems[1:] in lexicon.rows
+    if divided and listed & {atom.stem for atom in cut if atom not in run}:
         return None  # one of a list of parts
     note = words()["confused"].get(text[start:stop].lower(), "")
     return Lexeme(

@@ -144,6 +144,14 @@ _BLEND = re.compile(
     rf"|(?<=[A-Z0-9])[- ](?P<fibre5>GF|CF)(?![\w-]| ?\d)"
     rf"|{_FIBRES.replace('fibre>', 'fibre4>')}[ -](?i:filled|reinforced|loaded)(?!\w)(?= (?!with))"
 )
+# Walls of a print, beside its infill: "3 walls of 0.4 mm", "4 perimeters", "1.2 mm walls".
+_PRINTED = re.compile(r"(?i)\binfill\b|\bgyroid\b|\d ?% fill")
+_SKIN = re.compile(
+    r"(?i)(?P<n>\d{1,2}) ?x? ?(?:walls?|perimeters?|wall (?:lines|loops)|outlines|shells)\b"
+    r"(?:[ ,]*(?:of|at|x|à|@|each)? ?(?P<w>\.?\d[\d.]*) ?mm(?: (?:each|wide|thick|lines?))?)?"
+    r"|(?P<t>\.?\d[\d.]*) ?mm (?:solid )?(?:walls?|shells?|skins?|perimeters?)"
+)
+LINE = 0.4e-3  # m: of an extruded line, the width of the usual nozzle
 _TEMPERATURE = re.compile(
     rf"(?P<sign>[-−])?(?P<n>{_NUMBER})\s?(?:[°º]\s?|(?i:deg(?:rees?)?)\s?)(?P<scale>[CFcf])(?:elsius|ahrenheit)?(?!\w)"
 )
@@ -197,6 +205,9 @@ def _special(text: str) -> Iterator[Numeral]:
         odd = not ROOM[0] <= celsius <= ROOM[1]
         note = Note("numerals.used_values", match=match[0]) if odd else ""
         yield Numeral(*match.span(), None, note)
+    for match in _SKIN.finditer(text) if _PRINTED.search(text) else ():
+        width = 1e-3 * number(match["w"] or match["t"] or "0") or LINE
+        yield Numeral(*match.span(), Quantity("skin", int(match["n"] or 1) * width, match[0]))
     for match in _TRIPLE.finditer(text):
         E, nu, rho = map(number, match.groups())
         if 1e3 < E < _MOST["E"] and 0 <= nu < 0.5 and 1 < rho < _MOST["rho"]:
@@ -353,8 +364,9 @@ def _registry() -> Any:
 # What is said in numbers of a material: a value, a second matter in it, a relation.
 
 # Of a material: Young's modulus [Pa], Poisson's ratio [1], density [kg/m^3], hardness on two of
-# Shore's scales [1], filled share of a print [1], mass [kg] and thickness [m] of what is spoken of.
-Measure = Literal["E", "nu", "rho", "shore_a", "shore_d", "infill", "mass", "thickness"]
+# Shore's scales [1], filled share of a print [1], its solid skin [m], mass [kg], thickness [m] of
+# what is spoken of.
+Measure = Literal["E", "nu", "rho", "shore_a", "shore_d", "infill", "skin", "mass", "thickness"]
 
 
 @dataclass(frozen=True)

@@ -30,12 +30,13 @@ from .lexing import (
     join_comparisons,
     lex,
     lone_grades,
+    one_of,
     point_back,
     puts_hue,
 )
 from .materials import SHORT, ReaderLexicon, lexicon_of
 from .numerals import Blend, Comparison, Quantity, counted_by
-from .parts import known_parts, places
+from .parts import known_parts, part_words, places
 
 LONGEST = 4000  # characters: a page of notes; a book is a mistake
 _GROUPED = (
@@ -57,7 +58,8 @@ def parse(text: str, table: MaterialTable, names: Sequence[str] = ()) -> Sentenc
         raise UsageError("reader.text_characters", count=len(text), longest=LONGEST)
     lexicon = lexicon_of(table)
     lexed = lex(text, lexicon, names)
-    lexed.lexemes = point_back(lone_grades(bare_numbers(lexed.lexemes)))
+    lexed.lexemes = point_back(one_of(lone_grades(bare_numbers(lexed.lexemes))))
+    lexed.lexemes = _same_again(lexed.lexemes, lexicon)
     cascade = Cascade(list(_tokens(join_comparisons(lexed.lexemes), lexicon)), lexicon)
     left = cascade.run()
     told = {name for draft in left if draft.says for name in draft.names}
@@ -65,6 +67,7 @@ def parse(text: str, table: MaterialTable, names: Sequence[str] = ()) -> Sentenc
         if draft.named and not draft.says and not told & {*draft.names}:
             take_strange(draft, lexed.lexemes)
     drafts = [draft for draft in left if draft.says]
+    _tell_compounds(lexed.lexemes, drafts)
     settle(drafts, lexed)
     unread = unread_lexemes(drafts, lexed, cascade.dropped)
     tell(unread, drafts, lexed.lexemes)
@@ -499,6 +502,18 @@ def _mentions(run: list[Lexeme], *, owes: bool) -> list[Mention]:
             out.append(Mention("number", lexeme, lexeme.value))
         elif role in ("word", "part"):
             out.append(_word(lexeme, run, i))
+        elif (
+            role == "digits"
+            and lexeme.part
+            and (
+                (out and out[-1].lexeme.part)
+                or (
+                    not any(x.words for x in run[i + 1 :] if x.role == "word")
+                    and not any(x.part for x in run[i + 1 :])
+                )
+            )
+        ):
+            out.append(Mention("part", lexeme))  # "gear 3" of a part "gear3", "gears 1 and 2"
         elif counted_by(lexeme.text) is not None and not _hyphened(run, i):
             out.append(Mention("modifier", replace(lexeme, words=())))  # "three legs"
         elif role == "empty" and not any(m.kind in _SAYING for m in out[-2:]):
@@ -568,10 +583,11 @@ def _group(parts: list[Mention], values: list[Mention], *, part_first: bool = Fa
 # Drafts of clauses: what is said of one subject while a text is read, and what it becomes.
 
 SURE, MENDED = 1.0, 0.8  # certainty: as it stands; with something mended, guessed or left out
-_BESIDE = 12  # letters between a state and its matter: "rusty galvanised steel"
+_BEFORE = 30  # letters before a matter that may hold its state: "rusty galvanised steel"
 _LISTS = ("character", "numbers", "comparisons")  # fields that a clause has from its draft
 _SAME = ("phrase", "kind", "coating", "filling", "blend")
 _SAYS = ("material", "unknown", "excluded", "levels", *_LISTS, "coating", "filling", "blend")
+_ENDING = ("comma", "stop", "and", "close", "open", "is", "but")
 _NAMING = ("word", "part", "digits", "told", "sign", "hyphen", "idle", "size", "empty")
 
 
@@ -725,9 +741,51 @@ def take_strange(draft: Draft, lexemes: Sequence[Lexeme]) -> None:
     here = takewhile(lambda x: x.role in _NAMING, (x for x in lexemes if x.start >= start))
     last = max(x.start for x in draft.lexemes if x.part)
     codes = [x for x in here if x.is_code or (x.start > last and x.is_name and not x.part)]
+    after = [x for x in lexemes if x.start > last]
+    made = list(takewhile(lambda x: x.role not in ("stop", "comma"), after))
+    of = next((k for k, x in enumerate(made) if x.role == "of"), None)
+    if of is not None and not any(x.part or x.role in ("number", "material") for x in made):
+        codes += [x for x in made[of + 1 :] if x.role in ("word", "empty")]  # "of stuff from ..."
     draft.unknown = " ".join(dict.fromkeys(x.text for x in (*before, *codes)))
     if draft.unknown:
         draft.names = [tuple(w for x in draft.lexemes if x.part for w in x.words)]
+
+
+def _same_again(lexemes: Sequence[Lexeme], lexicon: ReaderLexicon) -> list[Lexeme]:
+    """Join a matter and its name in brackets behind it: "titanium alloy (Ti-6Al-4V, ASTM F136)"."""
+    out: list[Lexeme] = []
+    at = 0
+    while at < len(lexemes):
+        out.append(lexemes[at])
+        at += 1
+        first = out[-1]
+        end = next((k for k in range(at, len(lexemes)) if lexemes[k].role == "close"), at)
+        inside = lexemes[at + 1 : end]
+        if first.role != "material" or end == at or lexemes[at].role != "open":
+            continue
+        rows = [x for x in inside if x.role == "material"]
+        others = any(x.part or x.role in ("number", "is", "of", "with") for x in inside)
+        if len(rows) == 1 and not others and not first.part:
+            (second,) = rows
+            finer = second.value.grade and not first.value.grade
+            if finer or lexicon.repeats(first.value, first.words, second.value):
+                out[-1] = replace(first, value=second.value)
+            elif first.value.category != second.value.category:
+                continue
+            at = end + 1
+    return out
+
+
+def _tell_compounds(lexemes: Sequence[Lexeme], drafts: Sequence[Draft]) -> None:
+    """Tell nouns behind a matter that make another of it and that nothing took: "walnut burl"."""
+    plain = {*part_words()["objects"], *known_parts(), *places(), *words()["attributes"]["empty"]}
+    owners = {x.end: draft for draft in drafts for x in draft.lexemes if x.role == "material"}
+    for matter, noun, after in zip(lexemes, lexemes[1:], [*lexemes[2:], None], strict=False):
+        owner = owners.get(matter.end) if noun.start == matter.end + 1 else None
+        ends = after is None or after.role in _ENDING or not after.words
+        if owner and ends and noun.role == "word" and noun.tag[:2] in ("NN", "VB"):
+            if not (noun.part or {*noun.words} & plain or noun in owner.lexemes):
+                owner.left.append(noun.text)
 
 
 def is_mixed(run: Sequence[Lexeme]) -> bool:
@@ -795,9 +853,9 @@ def clause_of(text: str, draft: Draft, lexicon: ReaderLexicon) -> Clause:
     if draft.material:
         states = {*words()["states"]["words"]} - lexicon.row_words(draft.material)
         at = next((x.start for x in draft.lexemes if x.text == draft.phrase), 0)
-        said = (
-            x.text for x in draft.lexemes if x.text.lower() in states and 0 < at - x.end <= _BESIDE
-        )
+        before = text[max(at - _BEFORE, 0) : at].lower()
+        stands = r"\b[ ,]+(?!rolled|dip|forged|worked|formed|pressed)(?:\w+ )?$"
+        said = [word for word in sorted(states) if re.search(rf"\b{word}{stands}", before)]
         told += [Note("reader.used_values", word=word, phrase=draft.phrase) for word in said]
     noted = [x.note for x in draft.lexemes if x.note]
     unknown, doubts = (

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -17,7 +16,7 @@ from jaxtyping import Bool, Float, Int
 from ...fem.errors import InputError
 from ..appearance.features import Appearance
 from ..asset import UpAxis, upright
-from ..field import Normalisation
+from ..field import Normalisation, read_weights
 from ..grid import PartVoxels
 from .config import UniPixieConfig
 from .network import UniPixie
@@ -34,19 +33,6 @@ CHUNK = 16_384  # tokens decoded at once: 8 MB an activation
 SAMPLE_STEPS = 4  # of the flow, where it is to keep its spread
 MEANT = 128  # tokens of a part at most that tell how a sample differs from the mean of all
 ALL = slice(None)
-
-
-@dataclass(frozen=True, eq=False)
-class Known:
-    """What is known of the parts and cells of an asset.
-
-    ``names`` (parts, 384) are embeddings of what the asset calls its parts and ``named`` (parts,)
-    whether that says anything; what is seen of the cells stands in for the names that do not.
-    """
-
-    names: Float[np.ndarray, "parts 384"]
-    named: Bool[np.ndarray, "parts"]
-    appearance: Appearance
 
 
 class Found:
@@ -161,13 +147,24 @@ def _mean(values: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "3"]:
     return values.mean(axis=0) if len(values) else np.full(3, np.nan)
 
 
-def voxels_on(network: UniPixie, cube: Cube, parts: PartVoxels, evidence: Known) -> Voxels:
-    """Bring what is known of an asset onto the cube, as the network reads it."""
+def voxels_on(
+    network: UniPixie,
+    cube: Cube,
+    parts: PartVoxels,
+    names: Float[np.ndarray, "parts 384"],
+    named: Bool[np.ndarray, "parts"],
+    seen: Appearance,
+) -> Voxels:
+    """Bring what is known of an asset onto the cube, as the network reads it.
+
+    Of embeddings of what the asset calls its parts those that are not ``named`` say nothing; what
+    is ``seen`` of the cells stands in for them.
+    """
     import torch
 
     from .network import FEATURE, Voxels, known_of
 
-    inside, seen = parts.occupied, evidence.appearance
+    inside = parts.occupied
     label = parts.part[inside]
     colours = np.zeros((len(label), 3)) if seen.colours is None else seen.colours[inside]
     lifted = None
@@ -177,7 +174,7 @@ def voxels_on(network: UniPixie, cube: Cube, parts: PartVoxels, evidence: Known)
     with torch.inference_mode():
         for begin in range(0, len(label), CHUNK):
             some = label[begin : begin + CHUNK]
-            vectors, known = evidence.names[some], evidence.named[some]
+            vectors, known = names[some], named[some]
             if lifted is not None:
                 vectors = np.where(known[:, None], vectors, lifted[begin : begin + CHUNK])
                 known = np.ones_like(known)
@@ -283,16 +280,11 @@ def load_unipixie(path: Path) -> Loaded:
 
     Raises InputError: Where the file holds no such network.
     """
-    from safetensors import SafetensorError, safe_open
-
     try:
-        with safe_open(path, framework="pt") as file:
-            facts = file.metadata()
-            config = UniPixieConfig(**json.loads(facts["network"]))
-            normalisation = Normalisation.from_dict(json.loads(facts["normalisation"]))
-            calibration = RangeCalibration(**json.loads(facts["calibration"]))
-            tensors = {key: file.get_tensor(key).float() for key in file.keys()}
-    except (SafetensorError, OSError, KeyError, TypeError, ValueError) as error:
+        facts, normalisation, tensors = read_weights(path)
+        config = UniPixieConfig(**facts["network"])
+        calibration = RangeCalibration(**facts["calibration"])
+    except (OSError, KeyError, TypeError, ValueError) as error:
         raise InputError("inference.checkpoint_unipixie", path=path, error=error) from error
     network = UniPixie(config)
     network.load_state_dict(tensors)

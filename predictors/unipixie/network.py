@@ -131,18 +131,14 @@ class GridEncoder(nn.Module):
         """Latents (batch, latents, width) of ``features`` (batch, features, x, y, z)."""
         first, second = self.stem
         grid = second(F.silu(first(features)))
-        places = cell_centres(grid.shape[-1], grid.device)
+        # Places (cells^3, 3) in [-1, 1] of the coarse cells, x the slowest
+        line = (torch.arange(grid.shape[-1], device=grid.device) + 0.5) / grid.shape[-1] * 2 - 1
+        places = torch.stack(torch.meshgrid(line, line, line, indexing="ij"), -1).reshape(-1, 3)
         tokens = grid.flatten(2).transpose(1, 2) + self.waves(places)
         latents = self.queries.expand(len(tokens), -1, -1)
         for block in self.blocks:
             latents = block(latents, tokens)
         return latents
-
-
-def cell_centres(cells: int, device: torch.device) -> Tensor:
-    """Places (cells^3, 3) in [-1, 1] of a cube's cells, x the slowest."""
-    line = (torch.arange(cells, device=device) + 0.5) / cells * 2 - 1
-    return torch.stack(torch.meshgrid(line, line, line, indexing="ij"), -1).reshape(-1, 3)
 
 
 # The flow matching transformer: noisy tokens, steered by time, alpha and the object's latents.

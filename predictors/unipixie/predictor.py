@@ -12,7 +12,7 @@ import numpy as np
 
 from ...fem.mpm.materials import MaterialClass
 from ...fem.note import Note
-from ...fem.table import FIELDS, MaterialTable, MaterialValue, load_table
+from ...fem.table import MaterialTable, MaterialValue, load_table
 from ..appearance.features import Appearance
 from ..asset import UpAxis
 from ..encoders.registry import TextEncoder
@@ -22,16 +22,7 @@ from ..prediction import PartChoice, Prediction
 from ..resolve.resolve import Lookup, lookup_of, nearest_row
 from ..text.clauses import Sentence, bind
 from ..text.parts import NamedPart, own_name, vocabulary_of
-from .inference import (
-    WEIGHTS,
-    Cube,
-    Found,
-    Known,
-    Loaded,
-    load_unipixie,
-    one_torch_thread,
-    voxels_on,
-)
+from .inference import WEIGHTS, Cube, Found, Loaded, load_unipixie, one_torch_thread, voxels_on
 
 
 class UniPixiePredictor:
@@ -89,22 +80,26 @@ class UniPixiePredictor:
         found = self.find(parts, appearance() if appearance else Appearance(), up=up)
         there = set(np.unique(parts.part).tolist())
         left_open = [i for i, c in enumerate(choices) if not c.settled and i in there]
-        decided = list(choices)
-        drawn = found.normalisation.physical(found.samples(self.samples, self.seed))
+        decided, physical = list(choices), found.normalisation.physical
+        drawn = physical(found.samples(self.samples, self.seed))
+        ends = {}
         for i in left_open:
+            mine = found.cube.part == i
             draws = tuple(
                 MaterialValue(*map(float, one))
                 for one in zip(*(v[:, i] for v in drawn), strict=True)
             )
             # The mean of the network's values over the part, and the row nearest to it
-            mean = _of_part(found, found.likeliest[0] if alpha is None else found.at(alpha), i)
-            value = MaterialValue(*(float(x) for x in found.normalisation.physical(mean)))
+            values = found.likeliest[0] if alpha is None else found.at(alpha)
+            mean = values[mine].mean(axis=0)
+            value = MaterialValue(*map(float, physical(mean)))
             row = nearest_row(self.table, found.normalisation, mean, grades=False)
-            soft, stiff = (_of_part(found, end, i)[0] for end in found.ends)
+            ends[i] = [end[mine].mean(axis=0) for end in found.ends]
+            soft, stiff = (end[0] for end in ends[i])
             place = 0.5 if alpha is None and stiff <= soft else alpha
             if place is None:
                 place = float(np.clip((mean[0] - soft) / (stiff - soft), 0, 1))
-            votes = np.bincount(found.likeliest[1][found.cube.part == i])
+            votes = np.bincount(found.likeliest[1][mine])
             words = choices[i]
             decided[i] = PartChoice(
                 words.part, row, value, words.weight, place,
@@ -117,10 +112,9 @@ class UniPixiePredictor:
         if field.ranges is None or field.part is None:
             return made
         ranges = [np.array(values) for values in field.ranges]
-        for part in left_open:
-            ends = [found.normalisation.physical(_of_part(found, end, part)) for end in found.ends]
-            for axis in range(len(FIELDS)):
-                ranges[axis][field.part == part] = [float(end[axis]) for end in ends]
+        for part, both in ends.items():
+            for values, pair in zip(ranges, zip(*map(physical, both), strict=True), strict=True):
+                values[field.part == part] = pair
         return replace(made, field=replace(field, ranges=Ranges(*ranges)))
 
     def find(self, parts: PartVoxels, appearance: Appearance, *, up: UpAxis = "z") -> Found:
@@ -128,12 +122,7 @@ class UniPixiePredictor:
         vocabulary = vocabulary_of(self.table)
         said = [own_name(NamedPart.of(words, vocabulary, 0.0)) for words in parts.part_labels]
         names = self.lookup.kernel.encoder.text([words or "object" for words in said])
-        evidence = Known(names, np.array([bool(words) for words in said]), appearance)
+        named = np.array([bool(words) for words in said])
         network = self.loaded.network
         cube = Cube.of(parts, up, cells=network.config.cells)
-        return Found(self.loaded, cube, voxels_on(network, cube, parts, evidence))
-
-
-def _of_part(found: Found, values: np.ndarray, part: int) -> np.ndarray:
-    """Mean (3,) of values of tokens over the tokens of a part."""
-    return values[found.cube.part == part].mean(axis=0)
+        return Found(self.loaded, cube, voxels_on(network, cube, parts, names, named, appearance))

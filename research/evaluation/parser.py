@@ -22,7 +22,7 @@ from ...fem.errors import UsageError
 from ...fem.table import MaterialTable
 from ...predictors.film import words
 from ...predictors.text import parts
-from ...predictors.text.clauses import Clause, Sentence, Subject
+from ...predictors.text.clauses import Clause, Degree, Sentence, Subject
 from ...predictors.text.parts import TOKEN, Vocabulary, stem, vocabulary_of
 
 MAX_TEXT = 4000  # characters: longer than any description of one object; bounds the work
@@ -87,10 +87,12 @@ def clause_of(
 ) -> Clause:
     """Return a clause of a text that speaks of parts, each by a word."""
     subject = Subject("parts", tuple((part,) for part in parts))
+    stiffness: dict[str, Degree] = {"soft": 2, "stiff": 4}
+    density: dict[str, Degree] = {"light": 2, "dense": 4}
     return Clause(
         text, (0, len(text)), subject, material, material or "",
-        stiffness={"soft": 2, "stiff": 4}.get(level or ""),
-        density={"light": 2, "dense": 4}.get(level or ""),
+        stiffness=stiffness.get(level or ""),
+        density=density.get(level or ""),
     )  # fmt: skip
 
 

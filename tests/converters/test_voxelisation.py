@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from autophyx_tet.converters.embedding import containing_tets
+from autophyx_tet.converters.mesh.meshdata import containing_tets
 from autophyx_tet.converters.transfer import sample_material, voxelize
 from autophyx_tet.fem.mesh import TetMesh, box_mesh
 from autophyx_tet.predictors.field import MaterialField

@@ -92,7 +92,7 @@ def test_it_sags_as_the_body_turned_over(up):
     ]
     assert verdicts[0] == pytest.approx(verdicts[1], rel=1e-6)
     fall = SCENARIOS["fall"]().scene(mesh, up=up)
-    room = scene_room(fall, 0.05)
+    room = scene_room(fall, 20)
     low, high = room.origin, room.origin + room.spacing * (np.array(room.shape) - 1)
     (ground,) = fall.obstacles
     level = np.array(ground.point) @ up_vector(up)

@@ -56,8 +56,8 @@ def test_features_change_nothing_at_first_and_can_be_learned():
     a, b = network(halves()), network(seen(halves()))
     assert torch.equal(a.values, b.values)
     (b.values.square().sum() + b.logits.square().sum()).backward()
-    assert network.eye.project.weight.grad[:, :2].abs().amax() > 0
-    assert (network.eye.project.weight.grad[:, 2:] == 0).all()  # nothing looks like that
+    assert network.eye.weight.grad[:, :2].abs().amax() > 0
+    assert (network.eye.weight.grad[:, 2:] == 0).all()  # nothing looks like that
 
 
 def test_half_the_resolution_keeps_the_mean():

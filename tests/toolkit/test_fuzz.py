@@ -9,12 +9,14 @@ import json
 import struct
 import tracemalloc
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
 import trimesh
 from autophyx_tet.fem.errors import InputError, NoVolumeError
 from autophyx_tet.predictors.asset import Asset, Part
+from autophyx_tet.toolkit.asset.foreign import CAD, SCENE
 from autophyx_tet.toolkit.asset.formats import ASSET_FORMATS, References, read_content
 from autophyx_tet.toolkit.asset.load import load_asset
 from autophyx_tet.toolkit.asset.readers import CARRIER
@@ -23,6 +25,9 @@ from autophyx_tet.toolkit.asset.solids import Solids
 from autophyx_tet.toolkit.meshing.convert import tetrahedralize
 from hypothesis import given, settings
 from hypothesis import strategies as st
+
+from . import test_cases, writers
+from .test_format_matrix import FEATURES, cube_with
 
 PEAK = 200 * 2**20  # bytes that reading one of these small files may take at most
 NUMBERS = (
@@ -66,12 +71,41 @@ def _valid_files() -> dict[str, bytes]:
     files = {
         suffix: trimesh.exchange.export.export_mesh(box, None, file_type=suffix[1:])
         for suffix in ASSET_FORMATS
-        if suffix not in (".gltf", ".xyz", *CARRIER.suffixes)
+        if suffix not in (".gltf", *CARRIER.suffixes, *SCENE.suffixes, *CAD.suffixes)
     }
     files[".gltf"] = _embedded_gltf()
     cloud = np.random.default_rng(0).normal(size=(30, 3))
     files[".xyz"] = "\n".join(" ".join(f"{x:.4f}" for x in row) for row in cloud)
     return {k: v.encode() if isinstance(v, str) else bytes(v) for k, v in files.items()}
+
+
+def _rich_files() -> dict[str, list[bytes]]:
+    """Files of many features: skins, sparse and packed accessors, components, settings, strips."""
+    with TemporaryDirectory() as folder:
+        found: dict[str, list[bytes]] = {".glb": [], ".3mf": [], ".dae": [], ".ply": [], ".obj": []}
+        for feature in FEATURES:
+            g = writers.Gltf()
+            primitive, mesh, node, _ = cube_with(feature, g)
+            g.node(mesh=g.mesh(primitive, **mesh), name="part", **node)
+            found[".glb"].append(g.write(Path(folder, "a.glb")).read_bytes())
+        inner = f'<object id="1" type="model">{test_cases.CUBE_3MF}</object>'
+        whole = (
+            '<object id="2" name="x"><components><component objectid="1" p:path="/3D/b.model" '
+            'transform="1 0 0 0 1 0 0 0 1 9 0 0"/></components></object>'
+        )
+        path = writers.threemf(
+            Path(folder, "a.3mf"), whole, '<item objectid="2"/>', further={"3D/b.model": inner}
+        )
+        found[".3mf"].append(path.read_bytes())
+        controller, nodes = test_cases.skin(joints=True)
+        path = writers.collada(Path(folder, "a.dae"), nodes, more=controller)
+        found[".dae"].append(path.read_bytes())
+    mixed = [*writers.QUADS[:3].tolist(), *writers.TRIANGLES[3:].tolist()]
+    for form in ("ascii", "binary_big_endian"):
+        found[".ply"].append(writers.ply(writers.CORNERS, mixed, form=form))
+    lines = ["o a", "usemtl red oak", *test_cases.obj_cube(), "g b", "f -1 -2/-1 -3"]
+    found[".obj"].append("\n".join(lines).encode())
+    return found
 
 
 FILES = _valid_files()
@@ -90,6 +124,9 @@ CLAIMS = {
     "accessor.gltf": _embedded_gltf(count=10**10),
     "offset.gltf": _embedded_gltf(byteOffset=10**10),
     "accessor.glb": _glb(_embedded_gltf(count=10**10)),
+    "zeros.gltf": _embedded_gltf(count=10**10).replace(
+        b'"bufferView": 0, "componentType"', b'"componentType"'
+    ),
     "index.obj": b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 10000000000\n",
     "number.xyz": b"1e308 1e308 nan\n" * 3,
 }
@@ -129,6 +166,65 @@ def test_corrupted_files_are_read_or_refused(suffix, keep, strikes):
         return
     for surface in content.surfaces:
         assert surface.mesh.faces.shape[1:] == (3,)
+
+
+RICH = [(suffix, data) for suffix, files in _rich_files().items() for data in files]
+DAMAGE = st.tuples(
+    st.integers(0, len(RICH) - 1),
+    st.floats(0, 1),
+    st.lists(st.tuples(st.floats(0, 1), st.sampled_from(NUMBERS)), max_size=4),
+)
+
+
+def _read_or_refuse(path: Path, data: bytes) -> None:
+    """Read bytes as an asset within the bound of memory; errors of ours are an answer."""
+    said = str(path)
+    tracemalloc.start()
+    try:
+        read_content(path, data, References(path.parent))
+    except InputError as error:
+        said = str(error)
+    finally:
+        peak = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+    assert str(path) in said
+    assert peak < PEAK
+
+
+def _damaged(data: bytes, keep: float, strikes: list[tuple[float, bytes]]) -> bytes:
+    out = bytearray(data[: int((0.2 + 0.8 * keep) * len(data))])
+    for place, number in strikes:
+        at = int(place * len(out))
+        out[at : at + len(number)] = number
+    return bytes(out)
+
+
+@given(DAMAGE)
+@settings(max_examples=80, deadline=None)
+def test_damaged_files_of_many_features(damage):
+    number, keep, strikes = damage
+    suffix, data = RICH[number]
+    _read_or_refuse(Path(f"fuzz{suffix}"), _damaged(data, keep, strikes))
+
+
+@pytest.mark.long
+@given(DAMAGE)
+@settings(max_examples=4000, deadline=None)
+def test_damaged_files_of_many_features_at_length(damage):
+    number, keep, strikes = damage
+    suffix, data = RICH[number]
+    _read_or_refuse(Path(f"fuzz{suffix}"), _damaged(data, keep, strikes))
+
+
+GUARDED = {".step": writers.step(test_cases.STEP_BOXES).encode(), ".fbx": test_cases.fbx().encode()}
+
+
+@pytest.mark.long
+@given(st.sampled_from(sorted(GUARDED)), DAMAGE)
+@settings(max_examples=60, deadline=None)
+def test_damaged_files_of_native_readers(suffix, damage):
+    """They crash in a process of their own, if they do."""
+    _read_or_refuse(Path(f"fuzz{suffix}"), _damaged(GUARDED[suffix], *damage[1:]))
 
 
 SOUPS = st.tuples(st.integers(0, 2**31), st.integers(3, 12), st.integers(1, 30))

@@ -65,7 +65,7 @@ def test_a_lattice_is_as_fine_as_thin_walls_want():
 
     Of a cube alone, or with a plate that is thick enough, the lattice stays as it is.
     """
-    cube, target = trimesh.creation.box((1, 1, 1)), EngineTarget.of(2.0, None, 2e-3, 20.0, 1)
+    cube, target = trimesh.creation.box((1, 1, 1)), EngineTarget.of(2.0, None, 2e-3)
     for thickness, wanted in ((0.03, 0.04), (0.1, None), (1e-3, None)):
         plate = trimesh.creation.box((1, 1, thickness)).apply_translation((0, 0, 0.8))
         found = resolving(solids_of(trimesh.util.concatenate([cube, plate])), target, most=250_000)

@@ -10,7 +10,6 @@ import trimesh
 from autophyx_tet.fem.errors import InputError, UsageError
 from autophyx_tet.toolkit.asset.bonsai import write_bonsai
 from autophyx_tet.toolkit.asset.load import METRES, load_asset
-from autophyx_tet.toolkit.asset.readers import absolute_indices
 from autophyx_tet.toolkit.asset.repair import repair
 from autophyx_tet.toolkit.asset.surface import component_volumes
 
@@ -113,10 +112,15 @@ def test_obj_groups_and_materials_become_parts(tmp_path):
     assert any("gone.mtl" in w for w in asset.warnings)
 
 
-def test_relative_indices_count_back_from_their_line():
-    text = f"{TRIANGLE}f -3 -2 -1\n{TRIANGLE}vt 0 0\nf -3/-1 -2/-1 -1/-1\n"
-    faces = [line for line in absolute_indices(text).splitlines() if line.startswith("f")]
-    assert faces == ["f 1 2 3", "f 4/1 5/1 6/1"]
+def test_relative_indices_count_back_from_their_line(tmp_path):
+    path = tmp_path / "back.obj"
+    moved = TRIANGLE.replace("v ", "v 5")  # beside the first
+    path.write_text(f"{TRIANGLE}f -3 -2 -1\n{moved}vt 0 0\nf -3/-1 -2/-1 -1/-1\n")
+    (part,) = load_asset(path).parts
+    mesh = part.mesh
+    assert len(mesh.faces) == 2
+    assert np.ptp(mesh.vertices[mesh.faces[1]][:, 0]) <= 10
+    assert mesh.vertices[mesh.faces[1]][:, 0].min() >= 50
 
 
 def test_missing_texture_is_a_warning_and_the_hash_sees_what_is_there(tmp_path):

@@ -16,6 +16,8 @@ from .surface import equal_rows, face_edges
 from .triangles import Triangles, closest, edge_components
 
 Arrays = dict[str, np.ndarray]
+# Of curved faces: most distance from a chord, relative to its edge, and most turn along it [rad].
+CHORD, TURN = 0.01, 0.3
 
 
 class TooLong(RuntimeError):
@@ -228,6 +230,70 @@ def poisson(arrays: Arrays, *, depth: int, neighbours: int, trim: float) -> Arra
     }
 
 
+def assimp(arrays: Arrays, *, suffix: str) -> Arrays:
+    """Meshes of the scene in the bytes ``data``, where their nodes put them.
+
+    ``document`` is JSON: names, material, colour and whether there was a texture, of each mesh.
+    """
+    import json
+    import tempfile
+
+    library: Any = importlib.import_module("assimp_py")
+    flags = (
+        library.Process_Triangulate
+        | library.Process_SortByPType
+        | library.Process_GlobalScale
+        | library.Process_FindInvalidData
+    )
+    with tempfile.NamedTemporaryFile(suffix=suffix) as file:
+        file.write(arrays["data"].tobytes())
+        file.flush()
+        scene = library.import_file(file.name, flags)
+    out: Arrays = {}
+    document = []
+    waiting: list[tuple[Any, np.ndarray, list[str]]] = [(scene.root_node, np.eye(4), [])]
+    while waiting:
+        node, above, names = waiting.pop()
+        matrix = above @ np.array(node.transformation, dtype=np.float64)
+        names = [str(node.name), *names]
+        waiting += [(child, matrix, names) for child in reversed(node.children)]
+        for number in node.mesh_indices:
+            mesh = scene.meshes[number]
+            indices = np.asarray(mesh.indices, np.int64)
+            if mesh.num_faces == 0 or len(indices) != 3 * mesh.num_faces:
+                continue  # lines and points
+            points = np.asarray(mesh.vertices, np.float64).reshape(-1, 3)
+            faces = indices.reshape(-1, 3)
+            turned = np.linalg.det(matrix[:3, :3]) < 0
+            out[f"points{len(document)}"] = points @ matrix[:3, :3].T + matrix[:3, 3]
+            out[f"faces{len(document)}"] = faces[:, ::-1] if turned else faces
+            material = scene.materials[mesh.material_index] if scene.materials else {}
+            colour = material.get("COLOR_DIFFUSE") or [0.8, 0.8, 0.8, 1.0]
+            document.append(
+                {
+                    "names": [names[0], str(mesh.name), *names[1:]],
+                    "material": str(material.get("NAME") or "") or None,
+                    "colour": [float(x) for x in colour],
+                    "textured": bool(material.get("TEXTURES")),
+                }
+            )
+    return out | {"document": np.frombuffer(json.dumps(document).encode(), np.uint8)}
+
+
+def cad(arrays: Arrays, *, kind: str) -> Arrays:
+    """The solids of a STEP or IGES file ``data`` as ``glb``, by OpenCASCADE."""
+    cascadio: Any = importlib.import_module("cascadio")
+    glb = cascadio.to_glb_bytes(
+        arrays["data"].tobytes(),
+        cascadio.FileType.STEP if kind == "STEP" else cascadio.FileType.IGES,
+        tol_linear=CHORD,
+        tol_relative=True,
+        tol_angular=TURN,
+        use_parallel=False,
+    )
+    return {"glb": np.frombuffer(glb, np.uint8)}
+
+
 def import_open3d() -> Any:
     """Import open3d, with the libusb that it links against but does not bring."""
     libusb = importlib.import_module("libusb_package")
@@ -239,4 +305,6 @@ TASKS: dict[str, Callable[..., Arrays]] = {
     "tetwild": tetwild,
     "alpha_wrap": alpha_wrap,
     "poisson": poisson,
+    "assimp": assimp,
+    "cad": cad,
 }

@@ -6,15 +6,17 @@
 from __future__ import annotations
 
 import hashlib
+import io
 import logging
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 from urllib.parse import unquote
 
 import numpy as np
 
 from ...converters.registry import Format
 from ...fem.errors import AutophyxError, InputError
+from ...fem.note import Note
 from ...fem.registry import Registry
 from ...predictors.asset import UpAxis
 
@@ -27,19 +29,20 @@ ASSET_FORMATS: Registry[Format] = Registry(
     "asset suffix",
     __package__ or "",
     {
-        ".obj": "readers:OBJ",
+        ".obj": "obj:OBJ",
         ".ply": "readers:PLY_SURFACE",
         ".stl": "readers:STL",
         ".off": "readers:OFF",
-        ".glb": "readers:GLTF",
-        ".gltf": "readers:GLTF",
-        ".3mf": "readers:THREEMF",
-        ".dae": "readers:COLLADA",
-        ".xyz": "readers:TEXT_CLOUD",
+        ".glb": "gltf:GLTF",
+        ".gltf": "gltf:GLTF",
+        ".3mf": "threemf:THREEMF",
+        ".dae": "collada:COLLADA",
+        **dict.fromkeys((".fbx", ".3ds", ".x3d", ".lwo"), "foreign:SCENE"),
+        **dict.fromkeys((".step", ".stp", ".iges", ".igs"), "foreign:CAD"),
         **dict.fromkeys((".splat", ".spz", ".ksplat"), "readers:CARRIER"),
         **dict.fromkeys((".npz", ".nvdb", ".ingp", ".msgpack"), "readers:CARRIER"),
         **dict.fromkeys((".pt", ".pth", ".ckpt", ".safetensors"), "readers:CARRIER"),
-        **dict.fromkeys((".pcd", ".las", ".laz"), "readers:CARRIER"),
+        **dict.fromkeys((".xyz", ".pcd", ".las", ".laz"), "readers:CARRIER"),
     },
 )
 
@@ -83,13 +86,10 @@ class References:
     ``warnings`` a sentence for each reference that was missing, refused or too large.
 
     folder: The folder of the asset; a reference that leads out of it is refused.
-    materials: Material names for which a missing material file is replaced by bare entries, so that
-        the names of the parts survive.
     """
 
-    def __init__(self, folder: Path, *, materials: tuple[str, ...] = ()) -> None:
+    def __init__(self, folder: Path) -> None:
         self.folder = folder.resolve()
-        self.materials = materials
         self.found: dict[str, bytes] = {}
         self.warnings: list[str] = []
 
@@ -109,8 +109,6 @@ class References:
             self.found[name] = path.read_bytes()
             return self.found[name]
         self.warn(f"{name!r} {reason}: the asset is used without it")
-        if name.lower().endswith(".mtl") and self.materials:
-            return "".join(f"newmtl {material}\n" for material in self.materials).encode()
         raise FileNotFoundError(f"{name!r} {reason}")
 
     __getitem__ = get
@@ -133,6 +131,50 @@ class References:
             self.warnings.append(sentence)
 
 
+def decoded(data: Any, material: str | None, references: References) -> Any:
+    """Texture of a material, of bytes or an open picture; None, told, if it cannot be decoded."""
+    from PIL import Image
+
+    try:
+        image = Image.open(io.BytesIO(data)) if isinstance(data, bytes) else data
+        image.load()
+    except Exception as error:  # a parser of untrusted bytes may raise anything
+        reason = " ".join(f"{type(error).__name__}: {error}".split())[:200]
+        references.warn(
+            Note("formats.texture", material=material or "without a name", reason=reason)
+        )
+        return None
+    return image
+
+
+def parse_scene(path: Path, data: bytes, references: References, **options: Any) -> trimesh.Scene:
+    """Parse with trimesh, changing nothing; textures are decoded."""
+    import trimesh
+
+    scene = trimesh.load_scene(
+        io.BytesIO(data),
+        file_type=path.suffix[1:].lower(),
+        resolver=references,  # type: ignore[arg-type]
+        process=False,
+        **options,
+    )
+    # Decode the pictures that a skin is made of, once, and let go of all others
+    visuals = (getattr(geometry, "visual", None) for geometry in scene.geometry.values())
+    materials = (getattr(visual, "material", None) for visual in visuals)
+    for material in {id(material): material for material in materials}.values():
+        for kind in ("image", "baseColorTexture"):
+            if (image := getattr(material, kind, None)) is not None:
+                name = getattr(material, "name", None)
+                setattr(material, kind, decoded(image, name, references))
+    return scene
+
+
+def refuse_entities(path: Path, text: bytes) -> None:
+    """No XML entities: they can read files and grow without bound."""
+    if b"<!DOCTYPE" in text or b"<!ENTITY" in text:
+        raise InputError(f"{path}: declares XML entities, which are not read: export it again")
+
+
 def read_content(path: Path, data: bytes, references: References) -> AssetContent:
     """Read a file by its suffix; whatever a parser stumbles over becomes one sentence."""
     suffix = path.suffix.lower()
@@ -141,8 +183,10 @@ def read_content(path: Path, data: bytes, references: References) -> AssetConten
         raise InputError(f"{path}: {suffix} files are not read")
     try:
         return reader(path, data, references)
-    except AutophyxError:
-        raise
+    except AutophyxError as error:
+        if str(path) in str(error):
+            raise
+        raise type(error)(f"{path}: {error}") from error
     except Exception as error:  # a parser of untrusted bytes may raise anything
         reason = " ".join(f"{type(error).__name__}: {error}".split())[:300]
         raise InputError(

@@ -29,6 +29,16 @@ MAX_FILE_BYTES = 2 * 2**30  # more than this is not an asset but a scan archive
 MAX_TRIANGLES = 20_000_000  # about 2 GB of arrays on the way: the limit of a 24 GB machine
 MAX_PARTS = 256  # beyond it parts are merged by material: nobody names 300 materials in a sentence
 COORDINATE_LIMIT = 1e12  # squares and volumes of larger numbers leave float64
+# Formats that are not read, and what to do.
+UNREAD = {
+    **dict.fromkeys((".blend", ".max", ".ma", ".mb", ".c4d", ".skp"), "export it as glTF"),
+    **dict.fromkeys((".usd", ".usda", ".usdc", ".usdz", ".abc"), "export it as glTF"),
+    **dict.fromkeys((".ifc", ".dxf", ".dwg", ".3dm", ".rvt"), "export its solids as STEP or glTF"),
+    **dict.fromkeys((".sldprt", ".sldasm", ".ipt", ".f3d", ".prt", ".brep"), "export it as STEP"),
+    **dict.fromkeys((".wrl", ".vrml", ".amf", ".ctm"), "export it as glTF or 3MF"),
+    **dict.fromkeys((".zip", ".rar", ".7z", ".gz"), "unpack it first"),
+}
+MOST_NOTE = 4 << 20  # bytes: a web page or a pointer is smaller
 # Names that exporters and loaders make up for things that have none.
 MADE_UP_NAME = re.compile(r"(geometry|node|mesh|gltf|default|world|none|\W|_|\d)*", re.IGNORECASE)
 
@@ -195,6 +205,14 @@ def _check_path(path: Path) -> None:
             f"{path}: is a folder, wanted one file of {', '.join(ASSET_FORMATS)}; "
             "`autophyx-tet batch` takes a folder of them"
         )
+    if path.stat().st_size < MOST_NOTE:
+        head = path.read_bytes()[:400].lstrip().lower()
+        if head.startswith(b"version https://git-lfs"):
+            raise InputError("load.pointer", path=path)
+        if head.startswith((b"<!doctype html", b"<html")):
+            raise InputError("load.web_page", path=path)
+    if suffix in UNREAD:
+        raise InputError("load.unread", path=path, suffix=suffix, way=UNREAD[suffix])
     if suffix not in ASSET_FORMATS:
         raise InputError(
             f"{path}: unknown suffix {suffix!r}, wanted one of {', '.join(ASSET_FORMATS)}"

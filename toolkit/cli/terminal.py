@@ -264,10 +264,9 @@ def _answer(document: Document) -> Iterator[str]:
     elif answer := document.get("motion"):
         yield (
             f"{answer['frames']} frames of {answer['dt']:.3g} s, "
-            f"a point moves by at most {answer['max_displacement']:.3g} m, "
-            f"largest contact force {answer['max_contact_force']:.3g} N"
+            f"a point moves by at most {answer['max_displacement']:.3g} m"
         )
-        for number, force in enumerate(answer["max_obstacle_forces"], 1):
+        for number, force in enumerate(answer["max_obstacle_forces"] or (), 1):
             yield f"obstacle {number}: at most {force:.3g} N"
     else:
         answer = document["modal"]

@@ -24,6 +24,7 @@ from .ftetwild import EngineTarget, Filling, LatticeFit, NoFilling
 from .guarantees import (
     BROKEN,
     ENVELOPE_SHARE,
+    LEFT_OUT,
     MOST_LOST,
     Attempt,
     ConversionReport,
@@ -95,14 +96,22 @@ def tetrahedralize(
     """
     diagonal, rng = float(np.linalg.norm(asset.size)), np.random.default_rng(seed)
     rel = edge_length_rel if edge_length is None else edge_length / diagonal
-    target = EngineTarget.of(diagonal, rel, epsilon_rel, stop_energy, layers)
-    target = target.on_lattice(max_tets, sharp=not asset.sampled)
-    target = replace(target, most_triangles=QUICK_TRIANGLES if mesher == AUTO else None)
-    names = asset.part_names
+    target = EngineTarget.of(
+        diagonal, rel, epsilon_rel, stop_energy=stop_energy, layers=layers, max_tets=max_tets,
+        sharp=not asset.sampled, most_triangles=QUICK_TRIANGLES if mesher == AUTO else None,
+    )  # fmt: skip
+    names, by_name = asset.part_names, dict(part_wall or {})
+    if unknown := [name for name in by_name if name not in names]:
+        listing = listed(names, most=20)
+        raise UsageError(f"--part-wall names {unknown[0]!r}, the asset has {listing}")
+    if wall is not None:
+        by_name = dict.fromkeys(names, wall) | by_name
+    if bad := [value for value in by_name.values() if not 0 < value < np.inf]:
+        raise UsageError(f"--wall and --part-wall must be lengths > 0 m, got {bad[0]:g}")
     walls = {
-        part: wall
-        for part, wall in _walls(asset, wall, part_wall or {}).items()
-        if wall >= target.epsilon and names[part] not in solid
+        names.index(name): thickness
+        for name, thickness in by_name.items()
+        if thickness >= target.epsilon and name not in solid
     }
     runner = Runner(time_limit, memory_limit, progress, cache).checked()
     preparation = Preparation.of(asset, thinnest=target.envelope, thicken=thicken, walls=walls)
@@ -112,10 +121,10 @@ def tetrahedralize(
     if not (ready.losses.bearable or accept_broken):
         raise NoVolumeError(left_out(asset, ready.losses, target.envelope))
     volume = input_volume(ready.solids, len(asset.parts), rng=rng)
+    automatic = mesher == AUTO
     name = chosen_mesher(mesher, sampled=asset.sampled or ready.closing.whole)
     problem = Problem(asset, ready, volume, target, runner, rng, name, max_tets)
     free = replace(problem, target=target.unless_finer(volume.total))
-    automatic = mesher == AUTO
     best, attempts = mesh_within(free if automatic and not asset.sampled else problem)
     if automatic and asset.sampled and target.edge_is_given and (best is None or best.broken):
         # Guarantees before the edge that the lattice was to have
@@ -130,38 +139,20 @@ def tetrahedralize(
     return mesh, replace(report, warnings=sentences, differences=differences(report))
 
 
-def _walls(asset: Asset, wall: float | None, part_wall: Mapping[str, float]) -> dict[int, float]:
-    """Wall [m] by number of the part."""
-    unknown = [name for name in part_wall if name not in asset.part_names]
-    if unknown:
-        raise UsageError(
-            f"--part-wall names {unknown[0]!r}, the asset has {listed(asset.part_names, most=20)}"
-        )
-    walls = {} if wall is None else dict.fromkeys(range(len(asset.parts)), wall)
-    walls |= {asset.part_names.index(name): value for name, value in part_wall.items()}
-    bad = [value for value in walls.values() if not 0 < value < np.inf]
-    if bad:
-        raise UsageError(f"--wall and --part-wall must be lengths > 0 m, got {bad[0]:g}")
-    return walls
-
-
 def _report(
     problem: Problem, made: Made, attempts: tuple[Attempt, ...], solid: Sequence[str], seed: int
 ) -> ConversionReport:
     """Everything that the conversion promises, and what a user would not expect."""
     asset, ready, mesh, filling = problem.asset, problem.ready, made.mesh, made.filling
     names, walls, plates = asset.part_names, ready.preparation.walls, ready.solids.plates
-    thin = ThinPieces()
-    if len(plates.volume):
-        thin = ThinPieces(
-            len(plates.volume),
-            tuple(str(names[p]) for p in np.unique(plates.surface.part)),
-            plates.thinnest,
-            plates.thickness_of(1 - MOST_LOST),
-        )
+    thin, count = ThinPieces(), len(plates.volume)
+    if count:
+        left = tuple(names[p] for p in np.unique(plates.surface.part))
+        thin = ThinPieces(count, left, plates.thinnest, plates.thickness_of(1 - MOST_LOST))
     missing = [name for name in names if name not in (*mesh.region_names, *thin.parts)]
     sheets = tuple(names[i] for i in ready.solids.sheets if names[i] in missing)
     tets = np.bincount(mesh.region, minlength=len(mesh.region_names)).tolist()
+    volumes = mesh.region_volumes().tolist()
     by_part = dict(zip(names, problem.volume.by_part.tolist(), strict=True))
     fit = filling.lattice or LatticeFit({}, {}, {}, {})
 
@@ -171,13 +162,11 @@ def _report(
     return ConversionReport(
         repair=ready.repair,
         attempts=attempts,
-        guarantees=(*made.guarantees, ready.kept_volume),
+        guarantees=(*made.guarantees, Guarantee(LEFT_OUT, ready.losses.lost, MOST_LOST)),
         quality=made.quality,
         regions=tuple(
             Region(name, count, volume, by_part[name])
-            for name, count, volume in zip(
-                mesh.region_names, tets, mesh.region_volumes().tolist(), strict=True
-            )
+            for name, count, volume in zip(mesh.region_names, tets, volumes, strict=True)
         ),
         diagonal=filling.target.diagonal,
         edge_length=filling.target.edge_length,
@@ -545,8 +534,3 @@ class Prepared:
     preparation: Preparation
     closing: Closing
     reference: Surface | None
-
-    @property
-    def kept_volume(self) -> Guarantee:
-        """The promise that the solids hold next to all that the file encloses."""
-        return Guarantee("share of the file's volume that is left out", self.losses.lost, MOST_LOST)

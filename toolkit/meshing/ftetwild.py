@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -51,7 +51,7 @@ class EngineTarget:
     diagonal: float
     edge_length_rel: float
     epsilon_rel: float
-    stop_energy: float
+    stop_energy: float = 20.0
     layers: int = 1
     edge_is_given: bool = True
     tets: int = LATTICE_TETS
@@ -65,26 +65,22 @@ class EngineTarget:
         diagonal: float,
         edge_length_rel: float | None,
         epsilon_rel: float,
-        stop_energy: float,
-        layers: int,
+        *,
+        max_tets: int | None = None,
+        **more: Any,
     ) -> EngineTarget:
-        """Build one, checked; without an edge it is ``EDGE_LENGTH_REL``."""
+        """Build one, checked; without an edge it is ``EDGE_LENGTH_REL``, of a lattice its tets'."""
         edge = EDGE_LENGTH_REL if edge_length_rel is None else edge_length_rel
-        for option, value, most in (
-            ("--edge-length-rel", edge, 1.0),
-            ("--epsilon-rel", epsilon_rel, 0.1),
-        ):
+        limits = ("--edge-length-rel", edge, 1.0), ("--epsilon-rel", epsilon_rel, 0.1)
+        for option, value, most in limits:
             if not 0 < value <= most:
                 raise UsageError(f"{option} must be > 0 and at most {most:g}, got {value:g}")
-        if not 1 <= layers <= MOST_LAYERS:
-            raise UsageError(f"--layers must be 1 to {MOST_LAYERS}, got {layers}")
-        given = edge_length_rel is not None
-        return cls(diagonal, edge, epsilon_rel, stop_energy, layers, edge_is_given=given)
-
-    def on_lattice(self, max_tets: int | None, *, sharp: bool) -> EngineTarget:
-        """Return the same with what only a lattice asks for."""
+        if not 1 <= more.get("layers", 1) <= MOST_LAYERS:
+            raise UsageError(f"--layers must be 1 to {MOST_LAYERS}, got {more['layers']}")
         tets = LATTICE_TETS if max_tets is None else min(LATTICE_TETS, BELOW_BUDGET * max_tets)
-        return replace(self, tets=max(int(tets), 1), sharp=sharp)
+        given = edge_length_rel is not None
+        tets = max(int(tets), 1)
+        return cls(diagonal, edge, epsilon_rel, edge_is_given=given, tets=tets, **more)
 
     @property
     def edge_length(self) -> float:

@@ -44,6 +44,7 @@ PROBE = 0.125  # epsilons off the surface at which each side is asked for: insid
 ROOM = 0.9
 
 
+LEFT_OUT = "share of the file's volume that is left out"
 MOST_LOST = 0.05  # of the volume: a body that lacks more is another body
 # Winding number from which a point is inside for certain: it sees the surface's inner side in at
 # least three quarters of all directions. In a dish or over a sheet it is little more than a half.
@@ -105,13 +106,12 @@ class FileSurface:
         return (read | (not self.coherent)) & seen
 
     def _windings(self, where: Places) -> list[np.ndarray]:
-        """Sizes of the winding numbers as read and as seen."""
-        read, *seen = (np.abs(winding(where)) for winding in self._winding)
-        return [read, *(seen or [read])]
+        """Sizes of the winding numbers as read, and as seen where that differs, else twice."""
+        found = [np.abs(winding(where)) for winding in self._winding]
+        return [found[0], found[-1]]
 
     @cached_property
     def _winding(self) -> list[WindingNumber]:
-        """Winding number as read, and as seen where that differs."""
         surfaces = [self.read, self.seen] if self.turned else [self.read]
         return [WindingNumber(s.points, s.faces) for s in surfaces]
 
@@ -459,6 +459,14 @@ def measure_distances(
     )
 
 
+def sound(mesh: TetMesh, measured: Quality) -> tuple[Guarantee, ...]:
+    """What every mesh promises, whoever made it."""
+    return (
+        Guarantee("tets without volume", float((mesh.volumes <= 0).sum()), 0),
+        Guarantee("boundary edges not on two faces", float(measured.boundary.bad_edges), 0),
+    )
+
+
 def guarantees(
     mesh: TetMesh,
     measured: Quality,
@@ -474,8 +482,7 @@ def guarantees(
     # A surface that moves by its envelope everywhere changes the volume by area times that.
     slack = area * ENVELOPE_SHARE * epsilon / enclosed + volume.uncertainty
     return (
-        Guarantee("tets without volume", float((mesh.volumes <= 0).sum()), 0),
-        Guarantee("boundary edges not on two faces", float(measured.boundary.bad_edges), 0),
+        *sound(mesh, measured),
         Guarantee("distance from boundary to input", gaps.to_input, epsilon, "m", to_at),
         Guarantee("distance from input to boundary", gaps.from_input, epsilon, "m", from_at),
         Guarantee("relative error of volume", abs(mesh.volume - enclosed) / enclosed, slack),
@@ -497,8 +504,7 @@ def lattice_guarantees(
     beyond = max(SHARPEST - measured.dihedral_min, measured.dihedral_max - BLUNTEST, 0.0)
     missed = max(abs(mesh.volume / volume.total - 1) - volume.uncertainty, 0.0)
     return (
-        Guarantee("tets without volume", float((mesh.volumes <= 0).sum()), 0),
-        Guarantee("boundary edges not on two faces", float(measured.boundary.bad_edges), 0),
+        *sound(mesh, measured),
         Guarantee("dihedral angle beyond 9 to 166 degrees", beyond, 0, "degrees"),
         Guarantee("relative error of volume", missed, LATTICE_VOLUME),
         Guarantee("share of volume in pieces that fell off", parted / mesh.volume, LATTICE_VOLUME),

@@ -8,12 +8,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...converters.mesh.meshdata import read_mesh
+from ...converters.mesh.meshdata import read_data
 from ...fem.mesh import TetMesh, boundary_faces
 from ...predictors.asset import Asset, Part, UpAxis
 from ..asset.load import Unit, scaled
 from ..asset.repair import RepairReport
-from .guarantees import ConversionReport, Distances, Guarantee, Region, separate
+from .guarantees import ConversionReport, Distances, Region, separate, sound
 from .quality import quality
 
 SUFFIXES = (".msh", ".vtk", ".vtu", ".mesh")
@@ -41,7 +41,8 @@ def import_tets(
     Raises InputError: Where the file cannot be read, holds no tet, or a tet is flat.
     """
     path = Path(path)
-    given = read_mesh(path)
+    data = read_data(path)
+    given = data.mesh
     # The closed surface of every region, in the units of the file
     import trimesh
 
@@ -54,7 +55,9 @@ def import_tets(
             parts.append(Part(name, surface, (name,)))
     digest = hashlib.sha256(path.read_bytes()).hexdigest()
     asset = scaled(
-        Asset(path.stem, tuple(parts), source=str(path), source_hash=digest),
+        Asset(
+            path.stem, tuple(parts), source=str(path), source_hash=digest, warnings=data.warnings
+        ),
         size=size,
         units=units,
         up=up,
@@ -72,10 +75,7 @@ def import_tets(
     report = ConversionReport(
         repair=RepairReport(),
         attempts=(),
-        guarantees=(
-            Guarantee("tets without volume", float((mesh.volumes <= 0).sum()), 0),
-            Guarantee("boundary edges not on two faces", float(measured.boundary.bad_edges), 0),
-        ),
+        guarantees=sound(mesh, measured),
         quality=measured,
         regions=tuple(
             Region(name, int(n), float(v), float(v))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 
 from ...fem.material import wave_speed
 from ...fem.mesh import (
@@ -84,34 +84,33 @@ class Quality:
 
 def quality(mesh: TetMesh) -> Quality:
     """Measure a mesh."""
-    volumes = mesh.volumes
     angles = dihedral_angles(mesh.points, mesh.tets)
-    sharpest = angles.min(axis=1)
+    low, p05, median = np.percentile(angles.min(axis=1), [0, 5, 50]).tolist()
     ratio = radius_ratios(mesh.points, mesh.tets)
-    low, p05, median = np.percentile(sharpest, [0, 5, 50])
-    worst, ratio_p05, ratio_median = np.percentile(ratio, [0, 5, 50])
+    worst, ratio_p05, ratio_median = np.percentile(ratio, [0, 5, 50]).tolist()
     altitude = float(altitudes(mesh.points, mesh.tets).min())
-    steel = mesh.material is None
-    step = (
-        altitude / float(wave_speed(*np.atleast_2d(STEEL).T)[0])
-        if steel
-        else largest_explicit_step(mesh)
-    )
+    if mesh.material is None:
+        step = altitude / float(wave_speed(*np.atleast_2d(STEEL).T)[0])
+    else:
+        step = largest_explicit_step(mesh)
+    # Pieces that are connected through nodes
+    rows, columns = np.repeat(mesh.tets[:, 0], 3), mesh.tets[:, 1:].reshape(-1)
+    together = linked_groups(len(mesh.points), rows, columns)
     return Quality(
         points=len(mesh.points),
         tets=len(mesh.tets),
-        volume=float(volumes.sum()),
-        volume_min=float(volumes.min()),
-        dihedral_min=float(low),
-        dihedral_p05=float(p05),
-        dihedral_median=float(median),
+        volume=mesh.volume,
+        volume_min=float(mesh.volumes.min()),
+        dihedral_min=low,
+        dihedral_p05=p05,
+        dihedral_median=median,
         dihedral_max=float(angles.max()),
-        radius_ratio_min=float(worst),
-        radius_ratio_p05=float(ratio_p05),
-        radius_ratio_median=float(ratio_median),
+        radius_ratio_min=worst,
+        radius_ratio_p05=ratio_p05,
+        radius_ratio_median=ratio_median,
         altitude_min=altitude,
         time_step=step,
-        components=component_count(mesh.tets),
+        components=vertex_count(together[mesh.tets[:, 0]]),
         boundary=boundary_kind(boundary_faces(mesh.tets).faces),
     )
 
@@ -139,22 +138,10 @@ def radius_ratios(points: Points, tets: Tets) -> Float[np.ndarray, "tets"]:
     return 3 * (3 * volume / area) / circumradius
 
 
-def component_count(tets: Tets) -> int:
-    """Number of pieces of a mesh that are connected through nodes."""
-    count = int(tets.max()) + 1
-    rows, columns = np.repeat(tets[:, 0], 3), tets[:, 1:].reshape(-1)
-    return vertex_count(linked_groups(count, rows, columns)[tets[:, 0]])
-
-
 def boundary_kind(faces: Faces) -> BoundaryKind:
     """Count what keeps a triangle surface from being a closed 2-manifold."""
-    count = face_edges(faces).count
-    return BoundaryKind(
-        faces=len(faces),
-        bad_edges=int((count != 2).sum()),
-        pinched_vertices=len(corner_nodes(faces)[1])
-        - int(np.count_nonzero(np.bincount(faces.reshape(-1)))),
-    )
+    bad_edges = int((face_edges(faces).count != 2).sum())
+    return BoundaryKind(len(faces), bad_edges, len(corner_nodes(faces)[1]) - vertex_count(faces))
 
 
 def vertex_count(cells: Int[np.ndarray, "*cells"]) -> int:
@@ -173,29 +160,7 @@ def corner_nodes(cells: Int[np.ndarray, "cells k"]) -> tuple[np.ndarray, np.ndar
     count = int(cells.max(initial=-1)) + 1
     used = np.zeros(count, dtype=bool)
     used[cells] = True
-    links, asked = _corner_links(cells, count)
-    corner = np.flatnonzero(asked[cells])  # of all corners, cell by cell
-    number = np.zeros(cells.size, dtype=np.int64)
-    number[corner] = np.arange(len(corner))
-    label = linked_groups(len(corner), *number[links].T)
-    whole = np.flatnonzero(used & ~asked)
-    vertex = np.zeros(len(whole) + label.max(initial=-1) + 1, dtype=np.int64)  # of all nodes
-    vertex[: len(whole)] = whole
-    vertex[len(whole) + label] = cells.reshape(-1)[corner]
-    ascending = np.argsort(vertex, kind="stable")
-    node = np.empty_like(ascending)
-    node[ascending] = np.arange(len(ascending))
-    own = np.zeros(count, dtype=np.int64)
-    own[whole] = node[: len(whole)]
-    new = own[cells].reshape(-1)
-    new[corner] = node[len(whole) + label]
-    return new.reshape(cells.shape), vertex[ascending]
-
-
-def _corner_links(
-    cells: Int[np.ndarray, "cells k"], count: int
-) -> tuple[Int[np.ndarray, "links 2"], Bool[np.ndarray, "vertices"]]:
-    """Pairs of corners that a facet links, at the vertices which may have several groups."""
+    # Pairs of corners that a facet links, at the vertices which may have several groups
     size = cells.shape[1]
     opposite = np.array([[j for j in range(size) if j != i] for i in range(size)])
     facets = cells[:, opposite].reshape(-1, size - 1)
@@ -212,4 +177,20 @@ def _corner_links(
     corners = sides[..., None] // size * size + opposite[sides % size]
     corners = np.take_along_axis(corners, turn, axis=2)
     shared = asked[cells.reshape(-1)[corners[:, 0]]]
-    return corners.swapaxes(1, 2)[shared], asked
+    links = corners.swapaxes(1, 2)[shared]
+    corner = np.flatnonzero(asked[cells])  # of all corners, cell by cell
+    number = np.zeros(cells.size, dtype=np.int64)
+    number[corner] = np.arange(len(corner))
+    label = linked_groups(len(corner), *number[links].T)
+    whole = np.flatnonzero(used & ~asked)
+    vertex = np.zeros(len(whole) + label.max(initial=-1) + 1, dtype=np.int64)  # of all nodes
+    vertex[: len(whole)] = whole
+    vertex[len(whole) + label] = cells.reshape(-1)[corner]
+    ascending = np.argsort(vertex, kind="stable")
+    node = np.empty_like(ascending)
+    node[ascending] = np.arange(len(ascending))
+    own = np.zeros(count, dtype=np.int64)
+    own[whole] = node[: len(whole)]
+    new = own[cells].reshape(-1)
+    new[corner] = node[len(whole) + label]
+    return new.reshape(cells.shape), vertex[ascending]

@@ -222,10 +222,7 @@ def _fitted_moduli(
     start = start_velocity(scene, make_space(scene.mesh, model.order))
     dead = model.pull_back(nodal_forces_of(scene, model.order))
     observed = ObservedMotion(
-        displacement=frames.displacement,
-        dt=frames.dt,
-        load=model.weight(scene.gravity_vector) + dead,
-        velocity=model.coordinates(start),
+        displacement=frames.displacement, dt=frames.dt, load=dead, velocity=model.coordinates(start)
     )
     fits = [
         fit_motion(model, observed, with_nu=with_nu, scheme=scheme)
@@ -322,12 +319,15 @@ def answer_table(path: Path, model: ReducedModel, scene: Scene) -> WhatIfTable:
     usual = np.asarray(scene.gravity_vector, dtype=float)
     pairs = zip(GRAVITY, usual, strict=True)
     gravity = np.stack([columns.get(name, g * ones) for name, g in pairs], axis=1)
-    share, dead = columns.get(LOAD, ones), nodal_forces_of(scene, model.order)
+    share, loads = columns.get(LOAD, ones), (*np.eye(3), np.zeros(3))
+    # What every metre a second squared of gravity along x, y, z does, over all else that acts
+    *weighs, dead = (nodal_forces_of(replace(scene, gravity_vector=g), model.order) for g in loads)
+    weighs = np.stack(weighs) - dead
 
     def forces(run: int) -> np.ndarray:
-        return share[run] * (model.mass[:, None] * gravity[run] + dead)
+        return share[run] * (np.tensordot(gravity[run], weighs, axes=1) + dead)
 
-    weights = np.stack([model.weight(axis) for axis in np.eye(3)])
+    weights = np.stack([model.pull_back(w) for w in weighs])
     loads = share[:, None] * (gravity @ weights + model.pull_back(dead))
     started = time.perf_counter()
     found = what_if(model, scales=scales, loads=loads)

@@ -101,6 +101,8 @@ def run_scenario(
         known = {"scenario": options.scenario, "laws": ", ".join(method.laws), "law": options.law}
         raise UsageError("scenario.laws", **known)
     scene = scene_of_options(mesh, options, up=up, materials=rows)
+    if options.refine is not None:
+        scene = _refined(scene, options, kind)
     result = method.solve(
         scene,
         law=options.law,
@@ -122,6 +124,27 @@ def run_scenario(
                 modes = METHODS["modal"].solve(first, order=order, device=options.device)
                 answer = replace(answer, modes=cast("Modes", modes))
     return replace(answer, seconds=time.perf_counter() - started)
+
+
+def _refined(scene: Scene, options: SimulateOptions, kind: str) -> Scene:
+    """The scene on a mesh that is fine enough, or a warning of why it is not."""
+    from ...fem.solve.refinement import refine_scene
+
+    percent = cast("float", options.refine)
+    if kind != "statics" or options.order == 1:
+        raise UsageError("scenario.refine_rest")
+    if not 0.01 <= percent <= 100:
+        raise UsageError("scenario.refine_percent", percent=percent)
+    refined = refine_scene(scene, percent / 100, device=options.device)
+    before, after = len(scene.mesh.tets), len(refined.scene.mesh.tets)
+    values: Any = {"before": before, "after": after, "error": refined.error, "goal": percent / 100}
+    if refined.why:
+        note = Note("scenario.refined_short", why=refined.why, **values)
+    elif not refined.error <= percent / 100:
+        note = Note("scenario.refined_unknown", goal=percent / 100)
+    else:
+        note = Note("scenario.refined", **values)
+    return replace(refined.scene, warnings=(*scene.warnings, note))
 
 
 def scene_of_options(

@@ -127,7 +127,7 @@ class Assignment:
         """Raise ``BandError`` where a part's E, nu or rho leave the band of its category."""
         for choice in self.choices:
             complaints = outside_band(choice.row.category, *choice.value)
-            if complaints:
+            if complaints and not choice.is_cellular:
                 raise BandError(f"part {choice.part!r}, {choice.material}: {'; '.join(complaints)}")
 
     def check_doubts(self) -> None:
@@ -144,6 +144,7 @@ class Assignment:
             (choice.part, Note("checks.outside_band", part=choice.part, complaint=complaint))
             for choice in self.choices
             for complaint in outside_band(choice.row.category, *choice.value)
+            if not choice.is_cellular
         ]
         # and a network's own E near the row that it is said to be like
         for choice in self.choices:

@@ -18,6 +18,8 @@ from ...fem.solve.result import (
     CUBIC,
     LOCKING,
     MOTION_LIMIT,
+    SAFETY,
+    DiscretisationError,
     LoadFactor,
     Modes,
     MotionResult,
@@ -53,6 +55,9 @@ VISIBLE = 0.005
 USUAL_DENSITY = ((0.3, 10.0, 23_000.0), (1.0, 10.0, 3_000.0), (np.inf, 10.0, 1_000.0))
 # Bulky: no side of the box is below this fraction of the longest.
 BULKY = 0.1
+# Where stress has no bound it grows by a third as edges are halved: thrice by an eighth of them. A
+# place reaches this much further than its points.
+UNBOUNDED, REACH = 3.0, 1.05
 # A part gives way below this safety factor; factors above the other are told as more than it.
 SAFE, SAFE_TOLD = 1.0, 1000.0
 
@@ -140,6 +145,9 @@ def first_frequency(modes: Modes) -> Check:
     value = float(modes.frequencies[0])
     passed, told = value >= WOBBLES, {"value": value, "limit": WOBBLES}
     said = Note("checks.is_stiff" if passed else "checks.wobbles", **told)
+    if passed and (1 - SAFETY * modes.error) * value < WOBBLES:
+        why = Note("checks.frequency_error", off=percent(modes.error))
+        return Check("first frequency", "doubtful", said, value, WOBBLES, "Hz", why=why)
     return Check("first frequency", _passed(passed), said, value, WOBBLES, "Hz")
 
 
@@ -204,14 +212,23 @@ def usual_mass(mesh: TetMesh) -> Check:
     return Check("mass", "failed", said, density, limit, "kg/m^3")
 
 
-def strength(safety: Safety) -> Check:
-    """Whether a part stands its stress."""
+def strength(safety: Safety, error: DiscretisationError | None = None) -> Check:
+    """Whether a part stands its stress, in doubt where the ``error`` of the mesh may be its own."""
     factor, place = safety.factor, ", ".join(f"{x:.3g}" for x in safety.place)
     passed, (does, limit) = factor >= SAFE, gives_way(safety)
     told = {"of": limit, "does": does, "times": times(factor), "past": 1 / factor, "at": place}
     said = Note("checks.strong" if passed else "checks.weak", **safety._asdict(), **told)
     where = {"part": safety.part, "place": safety.place}
-    return Check("strength", _passed(passed), said, factor, SAFE, **where)
+    outcome, why = _passed(passed), ""
+    if passed and error is not None and safety.place is not None:
+        from_centre = lambda p: float(np.linalg.norm(np.subtract(safety.place, p.centre)))  # noqa: E731
+        here = next((p for p in error.places if from_centre(p) <= REACH * p.radius), None)
+        if here is not None and factor < UNBOUNDED:
+            told = {"kind": here.kind, "share": percent(here.share)}
+            outcome, why = "doubtful", Note("checks.singular_stress", **told)
+        elif factor < 1 + 2 * error.stress:  # twice the rms covers the largest of 97 in 100
+            outcome, why = "doubtful", Note("checks.stress_error", off=percent(error.stress))
+    return Check("strength", outcome, said, factor, SAFE, **where, why=why)
 
 
 def gives_way(safety: Safety) -> tuple[str, str]:
@@ -321,9 +338,18 @@ def follows(motion: MotionResult) -> tuple[Check, ...]:
 
 
 def contact_forces(motion: MotionResult, names: Sequence[str]) -> Check:
-    """Who presses whom, at most; ``names`` are those of the pieces."""
+    """Who presses whom, at most; ``names`` are those of the pieces.
+
+    It is not made where an impact was not resolved, and in doubt where that is not known.
+    """
     forces = np.linalg.norm(motion.obstacle_forces, axis=2).max(axis=0, initial=0.0)
-    pressures = motion.largest_pressures
+    impact, pressures = motion.impact, motion.largest_pressures
+    if impact is not None and forces.any():
+        forces = np.maximum(forces, impact.forces)
+        if why := impact.unresolved:
+            told = {"lost": impact.lost, "barrier": impact.barrier}
+            why = Note(f"checks.unresolved_{why}", **told)
+            return Check("contact", "not made", Note("checks.press_unknown", why=why), why=why)
     pressed: list[str] = []
     for k, force in enumerate(forces):
         if force > 0:
@@ -340,7 +366,27 @@ def contact_forces(motion: MotionResult, names: Sequence[str]) -> Check:
         pressed.append(Note("checks.by_itself", pressure=pressures.own))
     largest = max([*forces.tolist(), *between.values()], default=0.0)
     said = Note("checks.pressed" if pressed else "checks.not_pressed", by="; ".join(pressed))
-    return Check("contact", "passed", said, largest, unit="N")
+    doubt = Note("checks.impact_unknown") if forces.any() and impact is None else ""
+    outcome: Outcome = "doubtful" if doubt else "passed"
+    return Check("contact", outcome, f"{said} {doubt}".strip(), largest, unit="N", why=doubt)
+
+
+def breakage(run: ParticleRun, *, wanted: bool) -> tuple[Check, ...]:
+    """What tore, where anything can; ``wanted``: else say that this was not followed."""
+    torn = run.breakage
+    if not torn.judged:
+        return (Check("breakage", "not made", Note("checks.cannot_tear")),) if wanted else ()
+    told = {"parts": ", ".join(torn.parts), "pieces": torn.pieces, "before": torn.pieces_before}
+    told |= {"fraction": percent(torn.fraction), "judged": percent(torn.judged)}
+    place = tuple(torn.place) if torn.fraction else None
+    told["place"] = ", ".join(f"{x:.3g}" for x in place or ())
+    said = Note("checks.torn" if place else "checks.whole", **told)
+    outcome: Outcome = "failed" if place else "passed"
+    doubt = ""
+    if place is None and torn.crack_energy > 1.1:
+        outcome, doubt = "doubtful", Note("checks.costly_cracks", times=torn.crack_energy)
+    said = f"{said} {doubt}".strip()
+    return (Check("breakage", outcome, said, torn.fraction, 0.0, place=place, why=doubt),)
 
 
 def in_the_grid(run: ParticleRun) -> Check:

@@ -72,7 +72,8 @@ class WhatIfTable(NamedTuple):
     @property
     def summary(self) -> str:
         """Runs, time and errors in a line."""
-        rest, tone = (float(np.abs(e).max()) for e in (self.error.rest, self.error.frequency))
+        errors = (self.error.rest, self.error.frequency)
+        rest, tone = (float(np.abs(e).max(initial=0.0)) for e in errors)
         count = {"runs": len(self.rows), "compared": len(self.error.runs)}
         return Note("reduction.runs", **count, seconds=self.seconds, rest=rest, tone=tone)
 
@@ -82,7 +83,10 @@ class WhatIfTable(NamedTuple):
         found: list[str] = []
         if count := self.numbers["without_rest"]:
             found.append(Note("reduction.without_rest", count=count, runs=len(self.rows)))
-        if max(np.abs(e).max() for e in (self.error.rest, self.error.frequency)) > MOTION_LIMIT:
+        if count := self.error.unsolved:
+            found.append(Note("reduction.unsolved", count=count))
+        errors = (self.error.rest, self.error.frequency)
+        if max(np.abs(e).max(initial=0.0) for e in errors) > MOTION_LIMIT:
             found.append(Note("reduction.strays", summary=self.summary))
         return tuple(found)
 
@@ -96,6 +100,7 @@ class WhatIfTable(NamedTuple):
             "compared": self.error.runs,
             "rest_error": self.error.rest,
             "frequency_error": self.error.frequency,
+            "unsolved": self.error.unsolved,
         }
 
     def write(self, path: Path) -> None:

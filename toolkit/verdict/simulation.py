@@ -282,7 +282,7 @@ class StaticSimulation(Simulation):
         checks = [
             *static_checks(self.solved, size_stated=self.size_stated, load_factors=softest),
             *stays_upright(self.solved, self.scene),
-            *map(strength, self.safety),
+            *(strength(one, self.solved.discretisation_error) for one in self.safety),
         ]
         if self.modes is not None:
             checks.append(first_frequency(self.modes))
@@ -319,13 +319,17 @@ class MotionSimulation(Simulation):
         # Forces of the obstacles, frame by frame, and of the pieces on each other
         pushes = np.linalg.norm(motion.obstacle_forces, axis=2)
         forces, pressures = pushes.max(axis=0), motion.largest_pressures
+        impact = motion.impact
+        unknown = impact is not None and bool(pushes.any() and impact.unresolved)
+        if impact is not None:
+            forces = np.maximum(forces, impact.forces)
         found: dict[str, Any] = {
             "frames": len(motion.frames),
             "dt": motion.dt,
             "max_displacement": float(np.linalg.norm(motion.displacements, axis=2).max()),
             "smallest_gap": motion.smallest_gap,
-            "max_contact_force": float(forces.max(initial=0.0)),
-            "max_obstacle_forces": forces.tolist(),
+            "max_contact_force": None if unknown else float(forces.max(initial=0.0)),
+            "max_obstacle_forces": None if unknown else forces.tolist(),
             "obstacle_forces": pushes.tolist(),
         }
         if pressures is not None:
@@ -349,12 +353,14 @@ class MotionSimulation(Simulation):
             "newton_iterations": sum(f.iterations for f in motion.frames),
             "model_error": motion.model_error,
             "stiffening": motion.stiffening,
+            "impact": impact and {**impact._asdict(), "unresolved": impact.unresolved},
         }
         if run is not None:
             known = ("substeps", "outside", "stationary", "rigid", "bodies", "capped")
             known += ("lagrangian", "spacing", "nodes", "plan")
             particles = {name: getattr(run, name) for name in known}
             found["particles"] = {"count": len(run.part), **particles}
+            found["breakage"] = run.breakage._asdict()
         return found
 
     @cached_property
@@ -390,6 +396,7 @@ class MotionSimulation(Simulation):
     def checks(self) -> Sequence[Check]:
         """Nothing goes through an obstacle or gains energy; who presses whom; fit elements."""
         from .checks import (
+            breakage,
             contact_forces,
             follows,
             in_the_grid,
@@ -400,7 +407,9 @@ class MotionSimulation(Simulation):
 
         energy = keeps_energy(self.motion, self.scene)
         if self.motion.particles is not None:
-            return [in_the_grid(self.motion.particles), *energy]
+            run, wanted = self.motion.particles, self.scenario in ("tear", "fall")
+            met = [contact_forces(self.motion, ())] if self.motion.obstacle_forces.any() else []
+            return [in_the_grid(run), *met, *energy, *breakage(run, wanted=wanted)]
         met = (no_penetration(self.motion), contact_forces(self.motion, self._piece_names))
         suits = [locking(self.motion)] if self.motion.order else []
         return [*met, *energy, *suits, *follows(self.motion)]

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from autophyx_tet.fem.errors import ConvergenceError, InputError
+from autophyx_tet.fem.reduced import sweep
 from autophyx_tet.fem.reduced.model import Subspace
 from autophyx_tet.fem.reduced.sweep import WhatIf, what_if, what_if_error
 
@@ -48,6 +49,26 @@ def test_runs_without_a_rest_have_no_error(model):
     given = {"scales": np.ones((3, 2)), "forces": lambda _run: np.zeros_like(MESH.points)}
     with pytest.raises(ConvergenceError, match="none of 3 runs"):
         what_if_error(model, none, MESH, clamped(MESH), **given)
+
+
+def test_a_run_without_a_full_rest_keeps_the_others(model, monkeypatch):
+    """Where the full body finds no rest of one run, the others are compared all the same."""
+    loads = np.stack([model.weight([0, 0, g]) for g in (1.0, 2.0)])
+    found = what_if(model, scales=np.ones((2, 2)), loads=loads)
+    solve = sweep.solve_nonlinear
+
+    def fails_far(body, supports, *, forces, **options):
+        if np.abs(forces).sum() > 1.5 * model.mass.sum():
+            raise ConvergenceError("sweep.none_runs", count=1)
+        return solve(body, supports, forces=forces, **options)
+
+    monkeypatch.setattr(sweep, "solve_nonlinear", fails_far)
+    error = what_if_error(
+        model, found, MESH, clamped(MESH), scales=np.ones((2, 2)),
+        forces=lambda run: model.mass[:, None] * np.array([0, 0, run + 1.0]), count=2,
+    )  # fmt: skip
+    assert (error.runs.tolist(), error.unsolved) == ([0], 1)
+    assert error.rest[0] < 0.02
 
 
 def test_scales_of_other_parts_are_refused(model):

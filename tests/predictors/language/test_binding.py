@@ -91,7 +91,7 @@ def test_wholes_exceptions_and_places_are_read_where_they_stand(agree):
         but for the track (rubber) and gun (tin) a tank is PLA => track: rubber; gun: tin; hull: PLA
         the posts are oak, and the boards on top are larch => post: oak; board_1, board_2: larch
         polycarbonate lenses, silicone strap => lens_L, lens_R: polycarbonate; strap: silicone
-        1x plate S355, 2x arm EN AW-6082 => plate: S355; arm_1, arm_2: aluminium
+        1x plate S355, 2x arm EN AW-6082 => plate: S355; arm_1, arm_2: 6082
         the skeg is cut from King StarBoard, the keel is lead => skeg: HDPE; keel: lead
         the body is a blend of PC and ABS => body: PC/ABS
         the post is fibreglass painted like cast iron => post: fibreglass

@@ -10,7 +10,6 @@ from autophyx_tet.predictors.unipixie import inference
 from autophyx_tet.predictors.unipixie.inference import (
     Cube,
     Found,
-    Known,
     Loaded,
     RangeCalibration,
     load_unipixie,
@@ -44,10 +43,10 @@ def found_of(network, parts, seed=0):
     names = random.normal(size=(2, 384)).astype(np.float32)
     names /= np.linalg.norm(names, axis=1, keepdims=True)
     seen = Appearance(colours=random.random((*parts.part.shape, 3)).astype(np.float32))
-    evidence = Known(names, np.array([True, False]), seen)
+    named = np.array([True, False])
     cube = Cube.of(parts, "z", cells=CPU.cells)
     loaded = Loaded(network, DEFAULT, RangeCalibration())
-    return Found(loaded, cube, voxels_on(network, cube, parts, evidence))
+    return Found(loaded, cube, voxels_on(network, cube, parts, names, named, seen))
 
 
 def test_e_never_falls_as_alpha_rises(network, parts):

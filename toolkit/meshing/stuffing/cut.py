@@ -100,13 +100,19 @@ def cut(lattice: Lattice, field: Regions, offsets: Offsets) -> CutMesh:
     tets = np.concatenate([_positive(piece.tets, piece.mirrored) for piece in pieces])
     region = np.concatenate([piece.region for piece in pieces])
     inside = region > 0
-    used = np.zeros(len(points), dtype=bool)
-    used[tets[inside]] = True
-    number = np.cumsum(used) - 1
     free = np.zeros(len(points), dtype=bool)
     free[: len(wild)] = ~wild
-    tets = number[tets[inside]].astype(np.int32)
-    return CutMesh(points[used], tets, region[inside], free[used])
+    return on_used(points, tets[inside], region[inside], free)
+
+
+def on_used(
+    points: Points, tets: Tets, region: Int[np.ndarray, "tets"], free: Bool[np.ndarray, "points"]
+) -> CutMesh:
+    """Return tets without the points that none of them uses."""
+    used = np.zeros(len(points), dtype=bool)
+    used[tets] = True
+    tets = (np.cumsum(used) - 1).astype(np.int32)[tets]
+    return CutMesh(points[used], tets, region, free[used])
 
 
 def _warped(
@@ -150,7 +156,7 @@ def _divided(
     ):
         asked = np.flatnonzero(asked)
         signs = np.where(inside[asked], 1, np.where(other[asked], -1, 0))
-        code = pattern_code(signs)
+        code = (signs + 1) @ np.array([27, 9, 3, 1])  # the pattern's place in ``patterns``
         which, slot = np.nonzero(np.arange(table.shape[1]) < count[code][:, None])
         tets = np.take_along_axis(local[asked][which], table[code[which], slot], axis=1)
         pieces.append(DividedTets(tets, mine[asked][which], mirrored[asked][which]))
@@ -290,11 +296,6 @@ def patterns() -> Iterator[Pattern]:
     yield from product((-1, 0, 1), repeat=4)
 
 
-def pattern_code(signs: Tets) -> Int[np.ndarray, "tets"]:
-    """Number of each pattern of -1, 0 and 1."""
-    return (signs + 1) @ np.array([27, 9, 3, 1])
-
-
 @cache
 def stencil(signs: Pattern) -> tuple[Tet, ...]:
     """Positively oriented tets that fill the inside of a tet with these signs of A, B, C, D."""
@@ -313,7 +314,12 @@ def stencil(signs: Pattern) -> tuple[Tet, ...]:
     else:
         one, two = ([p, *(CUT[p, n] for n in outside)] for p in inside)
         tets = _prism(one, two, outside, inside)
-    return tuple(positive(tet, CORNERS) for tet in tets)
+    # Of positive volume
+    edges = [CORNERS[list(tet[1:])] - CORNERS[tet[0]] for tet in tets]
+    return tuple(
+        tet if np.linalg.det(edge) > 0 else (*tet[:2], tet[3], tet[2])
+        for tet, edge in zip(tets, edges, strict=True)
+    )
 
 
 def face_diagonal(tip: int, first: int, second: int) -> set[int]:
@@ -331,12 +337,6 @@ def cut_face(tip: int, first: int, second: int) -> list[Tet]:
     if face_diagonal(tip, first, second) == {second, near}:
         return [(first, second, near), (second, near, far)]
     return [(first, second, far), (first, near, far)]
-
-
-def positive(tet: Tet, points: np.ndarray) -> Tet:
-    """Return the tet with positive volume."""
-    a, *others = points[list(tet)]
-    return tet if np.linalg.det(np.array(others) - a) > 0 else (*tet[:2], tet[3], tet[2])
 
 
 def _prism(

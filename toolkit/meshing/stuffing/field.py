@@ -159,25 +159,19 @@ class SolidField:
             shells.append(ShellField.of(shell, origin, edge, first))
             first += len(shells[-1].parts)
         self.added = np.zeros(len(shells))  # volume of the beads of each, outside of all shells
-        if len(beads):
-            shells = self._beaded(shells, (beads - origin) / edge)
-        self.shells = tuple(shells)
-        self.part = np.concatenate([[-1], *(shell.parts for shell in shells)])
-        sizes = [len(shell.parts) for shell in shells]
-        self.rank = np.concatenate([[-1], np.repeat(np.arange(len(shells)), sizes)])
-
-    def _beaded(self, shells: list[ShellField], beads: Places) -> list[ShellField]:
-        """Give each shell the beads that it is the first to be near to, and their volume."""
-        self.shells = tuple(shells)
-        left, out, at_rest = beads, [], np.zeros(len(shells))
-        for rank, shell in enumerate(shells):
+        self.shells, at_rest = tuple(shells), np.zeros(len(shells))
+        left = (beads - origin) / edge
+        for rank, shell in enumerate(shells if len(beads) else ()):
+            # Each has the beads that it is the first to be near to, and their volume
             mine = shell.nearest(left).distance < BEAD
             if mine.any():
                 own, left = Beads(left[mine]), left[~mine]
                 self.added[rank] = own.volume_outside(lambda at: self.region_at(at, at_rest))
-                shell = replace(shell, beads=own)
-            out.append(shell)
-        return out
+                shells[rank] = replace(shell, beads=own)
+        self.shells = tuple(shells)
+        self.part = np.concatenate([[-1], *(shell.parts for shell in shells)])
+        sizes = [len(shell.parts) for shell in shells]
+        self.rank = np.concatenate([[-1], np.repeat(np.arange(len(shells)), sizes)])
 
     @property
     def bounds(self) -> Float[np.ndarray, "2 3"]:
@@ -254,21 +248,14 @@ class NodeField:
                 place = np.searchsorted(self.near[rank], ends[mine])
                 out[mine] = _root(self.values[rank][place] + offset)
             mine = np.flatnonzero((higher == rank) & same)
-            if mine.size:
-                out[mine] = self._between(rank, ends[mine], regions[mine])
+            if mine.size:  # edges inside one shell, to where its two parts are equally far
+                shell = self.field.shells[rank]
+                nodes, place = np.unique(ends[mine], return_inverse=True)
+                where, place = self.where[nodes], place.reshape(-1, 2)
+                distance = np.stack([near(where).distance for near in shell.nearest_of_part])
+                low, high = np.sort(regions[mine] - shell.first, axis=1).T[..., None]
+                out[mine] = _root(distance[high, place] - distance[low, place])
         return out
-
-    def _between(
-        self, rank: int, ends: Int[np.ndarray, "n 2"], regions: Int[np.ndarray, "n 2"]
-    ) -> Float[np.ndarray, "n"]:
-        """Share of edges inside one shell at which its two parts are equally far."""
-        shell = self.field.shells[rank]
-        low, high = regions.min(axis=1), regions.max(axis=1)
-        nodes, place = np.unique(ends, return_inverse=True)
-        place = place.reshape(-1, 2)
-        distance = np.stack([near(self.where[nodes]).distance for near in shell.nearest_of_part])
-        lead = distance[(high - shell.first)[:, None], place]
-        return _root(lead - distance[(low - shell.first)[:, None], place])
 
 
 def _root(values: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n"]:

@@ -7,7 +7,6 @@ four are short, sqrt(3)/2 of it. Lengths are in long edges, the lattice's unit.
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cache
 from itertools import product
 from typing import Any, NamedTuple
 
@@ -15,7 +14,6 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ....fem.mesh import area_vectors
-from ...asset.surface import face_edges
 from ...asset.triangles import Faces, Places, Tets, Triangles
 
 Offsets = Float[np.ndarray, "shells"]  # how far the surface of each shell is moved outward
@@ -62,13 +60,6 @@ class Lattice(NamedTuple):
         return np.concatenate([first.reshape(-1), second.reshape(-1) + count])[some]
 
 
-class LatticeTets(NamedTuple):
-    """``corners`` (tets, 4): A, B, C, D; those ``mirrored`` (tets,) are negatively oriented."""
-
-    corners: np.ndarray
-    mirrored: np.ndarray
-
-
 def lattice_around(bounds: Float[np.ndarray, "2 3"]) -> Lattice:
     """Lattice with planes on the lower faces of a box, and a cube beyond it on every side."""
     lo, hi = bounds
@@ -76,45 +67,34 @@ def lattice_around(bounds: Float[np.ndarray, "2 3"]) -> Lattice:
     return Lattice(lo - 1.0, cells)
 
 
-def tets_around(lattice: Lattice, wanted: Bool[np.ndarray, "nodes"]) -> LatticeTets:
-    """Tets that have a wanted node, in an order that depends on nothing else."""
+def tets_around(
+    lattice: Lattice, wanted: Bool[np.ndarray, "nodes"]
+) -> tuple[Tets, Bool[np.ndarray, "tets"]]:
+    """Corners A, B, C, D of tets that have a wanted node, and which are negatively oriented.
+
+    Those of one kind are of the odd edges along an axis at one side of the squares they pierce.
+    """
     even = np.arange(lattice.even_count, dtype=np.int32).reshape(lattice.cells + 1)
     odd = np.arange(lattice.even_count, lattice.node_count, dtype=np.int32)
     odd = odd.reshape(lattice.cells)
     corners, mirrored = [], []
     for axis, side in product(range(3), range(4)):
-        family, count = _family(axis, side), lattice.cells - np.eye(3, dtype=int)[axis]
+        # Steps of A, B and of C, D from the first cell
+        ab, cd = np.zeros((2, 3), int), np.zeros((2, 3), int)
+        ab[1, axis] = cd[:, axis] = 1
+        cd[:, [(axis + 1) % 3, (axis + 2) % 3]] = _SQUARE[side], _SQUARE[(side + 1) % 4]
+        if ((ab[0] + 0.5 > cd[0]).sum() % 2) == 1:  # A exceeds C in an even number of coordinates
+            ab = ab[::-1]
+        count = lattice.cells - np.eye(3, dtype=int)[axis]
         four = [
             nodes[tuple(slice(s, s + n) for s, n in zip(step, count, strict=True))].reshape(-1)
-            for nodes, step in zip((odd, odd, even, even), family.steps, strict=True)
+            for nodes, step in zip((odd, odd, even, even), (*ab, *cd), strict=True)
         ]
         here = np.flatnonzero(np.logical_or.reduce([wanted[nodes] for nodes in four]))
         corners.append(np.stack([nodes[here] for nodes in four], axis=1))
-        mirrored.append(np.full(len(here), family.mirrored))
-    return LatticeTets(np.concatenate(corners), np.concatenate(mirrored))
-
-
-class _Family(NamedTuple):
-    """Translates of one tet: ``steps`` (4, 3) of A, B, C, D from the first cell."""
-
-    steps: np.ndarray
-    mirrored: bool
-
-
-@cache
-def _family(axis: int, side: int) -> _Family:
-    """Return the tets of the odd edges along ``axis`` at one side of the squares they pierce.
-
-    A and B are swapped where needed, so that A exceeds C in an even number of coordinates.
-    """
-    odd, even = np.zeros((2, 3), int), np.zeros((2, 3), int)
-    odd[1, axis] = even[:, axis] = 1
-    even[:, [(axis + 1) % 3, (axis + 2) % 3]] = _SQUARE[side], _SQUARE[(side + 1) % 4]
-    if ((odd[0] + 0.5 > even[0]).sum() % 2) == 1:
-        odd = odd[::-1]
-    steps = np.concatenate([odd, even])
-    a, *others = np.concatenate([odd + 0.5, even])
-    return _Family(steps, bool(np.linalg.det(np.array(others) - a) < 0))
+        a, *others = np.concatenate([ab + 0.5, cd])
+        mirrored.append(np.full(len(here), np.linalg.det(np.array(others) - a) < 0))
+    return np.concatenate(corners), np.concatenate(mirrored)
 
 
 def edges_of(
@@ -176,30 +156,17 @@ def features_of(surface: Triangles) -> SharpFeatures:
     return SharpFeatures(points[edges], _unit(mean), points[corner], _unit(towards[corner]))
 
 
-def gathered_features(features: list[SharpFeatures]) -> SharpFeatures:
-    """All features of several surfaces."""
-    return SharpFeatures(*(np.concatenate(values) for values in zip(*features, strict=True)))
-
-
 def shared_edges(faces: Faces) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Edges (n, 2) of exactly two faces, and these."""
-    directed, edge, count = face_edges(faces)
-    order = np.argsort(edge, kind="stable")
-    two = (np.cumsum(count) - count)[count == 2]
-    ends = np.sort(directed[order[two]], axis=1)
-    return ends, order[two] // 3, order[two + 1] // 3
+    from trimesh.graph import face_adjacency
+
+    pairs, ends = face_adjacency(faces, return_edges=True)
+    return ends, *pairs.T
 
 
 def _unit(vectors: Places) -> Places:
     length = np.linalg.norm(vectors, axis=1, keepdims=True)
     return vectors / np.maximum(length, np.finfo(float).tiny)
-
-
-class OnEdges(NamedTuple):
-    """Nearest points of sharp edges: ``distance`` (n,), infinite where none is near, ``point``."""
-
-    distance: np.ndarray
-    point: np.ndarray
 
 
 class FeatureFinder:
@@ -227,10 +194,10 @@ class FeatureFinder:
         shown = visible(where[first], normal[first])[group.reshape(-1)]
         self.edge, self.tree = edge[shown], KDTree(where[shown]) if shown.any() else None
 
-    def on_edges(self, where: Places, reach: float) -> OnEdges:
-        """Nearest points of edges within ``reach``."""
+    def on_edges(self, where: Places, reach: float) -> tuple[Bool[np.ndarray, "n"], Places]:
+        """Whether an edge is within ``reach`` of each place, and the nearest point of it."""
         if self.tree is None:
-            return OnEdges(np.full(len(where), np.inf), where)
+            return np.zeros(len(where), dtype=bool), where
         found, sample = self.tree.query(where, distance_upper_bound=reach + SPACING)
         none = ~np.isfinite(found)
         edge = self.edge[np.where(none, 0, sample)]
@@ -239,4 +206,4 @@ class FeatureFinder:
         share = np.einsum("ni,ni->n", where - self.start[edge], along) / square
         point = self.start[edge] + np.clip(share, 0, 1)[:, None] * along
         distance = np.linalg.norm(point - where, axis=1)
-        return OnEdges(np.where(none | (distance > reach), np.inf, distance), point)
+        return ~none & (distance <= reach), point

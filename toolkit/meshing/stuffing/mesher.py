@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Callable
 from dataclasses import replace
 from functools import lru_cache
@@ -30,15 +29,15 @@ from ...asset.triangles import (
 from ..ftetwild import EngineTarget, Filling, LatticeFit, NoFilling, thicknesses
 from ..guarantees import BLUNTEST, SHARPEST, bare_edges, separate
 from ..quality import corner_nodes, dihedral_angles, dihedral_cosines
-from .cut import CutMesh, cut
+from .cut import CutMesh, cut, on_used
 from .field import NOWHERE, NodeField, ShellField, SolidField
 from .lattice import (
     MOST_NODES,
     FeatureFinder,
     Offsets,
+    SharpFeatures,
     edges_of,
     features_of,
-    gathered_features,
     lattice_around,
     shared_edges,
 )
@@ -48,15 +47,7 @@ DEPTH = 0.05  # long edges: on both sides of a visible feature at this depth are
 MOST_ADDED = 0.04  # of the volume: beads that leave the rest of its 5 % to the lattice
 ROUNDS = 3  # of beads: what some have joined may show other pieces
 
-log = logging.getLogger(__name__)
-
-
-class _Filled(NamedTuple):
-    """A filling, how it fits, and the offsets of its shells that gave their volumes."""
-
-    filling: Filling
-    fit: LatticeFit
-    offsets: np.ndarray
+_Filled = tuple[Filling, LatticeFit, np.ndarray]
 
 
 def stuffed(solids: Solids, target: EngineTarget, runner: Runner) -> Filling:
@@ -77,27 +68,27 @@ def stuffed(solids: Solids, target: EngineTarget, runner: Runner) -> Filling:
                 f"{MOST_NODES}: give a longer --edge-length, or --mesher ftetwild"
             )
         edge *= (nodes / MOST_NODES) ** (1 / 3)
-    best = _unbeaded(solids, replace(target, beads=False), edge)
-    if best.fit.parted_shares and not target.beads:
-        return best.filling  # a finer lattice may keep it in one piece
+    filling, fit, offsets = _unbeaded(solids, replace(target, beads=False), edge)
+    if fit.parted_shares and not target.beads:
+        return filling  # a finer lattice may keep it in one piece
     places = NOWHERE
     touch = touching_places(solids.surface, touching=target.epsilon, spacing=edge)
     for _ in range(ROUNDS):
         # Places [m] where the solids hang together and their tets do not
-        tets = best.filling.mesh
-        mesh = BodyTets(tets.points, tets.tets, best.filling.part, solids.surface)
+        tets = filling.mesh
+        mesh = BodyTets(tets.points, tets.tets, filling.part, solids.surface)
         # Surfaces that are samples have thin places by their noise.
-        thin = list(best.fit.thin_shares) if target.sharp else []
+        thin = list(fit.thin_shares) if target.sharp else []
         parted = parted_places(mesh, thin, edge)  # it asks for whole bodies, which are kept
         more = np.concatenate([loose_contacts(mesh, touch, edge), parted])
         if not len(more):
             break
         places = np.concatenate([places, more])
-        beaded = _filled(solids, target, edge, places, best.offsets)
-        if beaded.fit.beads > MOST_ADDED * total:
+        beaded = _filled(solids, target, edge, places, offsets)
+        if beaded[1].beads > MOST_ADDED * total:
             break
-        best = beaded
-    return best.filling
+        filling, fit, offsets = beaded
+    return filling
 
 
 @lru_cache(maxsize=1)  # an attempt with beads begins with what the one before it made
@@ -108,7 +99,10 @@ def _unbeaded(solids: Solids, target: EngineTarget, edge: float) -> _Filled:
 def _filled(
     solids: Solids, target: EngineTarget, edge: float, beads: Places, offsets: Offsets | None = None
 ) -> _Filled:
-    """Fill ``solids`` [m] by a lattice of long ``edge`` [m], with ``beads`` at places [m]."""
+    """Fill ``solids`` [m] by a lattice of long ``edge`` [m], with ``beads`` at places [m].
+
+    Returns a filling, how it fits, and the offsets of its shells that gave their volumes.
+    """
     field = SolidField(solids, origin=solids.bounds[0], edge=edge, beads=beads)
     found = stuff(field, sharp=target.sharp, offsets=offsets)
     tets, volumes = found.mesh.tets, found.mesh.volumes
@@ -135,7 +129,7 @@ def _filled(
     )
     rel = edge / target.diagonal
     used = replace(target, edge_length_rel=rel, epsilon_rel=rel, layers=1)
-    return _Filled(Filling(mesh, part, used, lattice=fit), fit, found.offsets)
+    return Filling(mesh, part, used, lattice=fit), fit, found.offsets
 
 
 def stuff(field: SolidField, *, sharp: bool = True, offsets: Offsets | None = None) -> Matched:
@@ -145,7 +139,8 @@ def stuff(field: SolidField, *, sharp: bool = True, offsets: Offsets | None = No
     """
     lattice = lattice_around(field.bounds)
     nodes = NodeField(field, lattice.nodes(), lattice.together)
-    features = gathered_features([features_of(shell.triangles) for shell in field.shells])
+    features = [features_of(shell.triangles) for shell in field.shells]
+    features = SharpFeatures(*(np.concatenate(values) for values in zip(*features, strict=True)))
     at_rest = np.zeros(len(field.shells))
 
     def visible(where: Places, normal: Places) -> np.ndarray:
@@ -414,7 +409,7 @@ def filled_ridges(
     ``on_edge`` tells the points that lie on sharp edges.
     """
     near = np.flatnonzero(~mesh.free)
-    near = near[np.isfinite(features.on_edges(mesh.points[near], NEAR).distance)]
+    near = near[features.on_edges(mesh.points[near], NEAR)[0]]
     for _ in range(ROUNDS):
         before = len(mesh.tets)
         # Tets on edges that run across between two points on a sharp edge which are not linked
@@ -430,9 +425,8 @@ def filled_ridges(
         ridge = _ridges(mesh, near)
         across = np.flatnonzero(~on_edge[ridge.edges].any(axis=1))
         middle = mesh.points[ridge.edges[across]].mean(axis=1)
-        found = features.on_edges(middle, REACH)
-        above = np.isfinite(found.distance)
-        across, where = across[above], found.point[above]
+        above, where = features.on_edges(middle, REACH)
+        across, where = across[above], where[above]
         number = len(mesh.points) + np.arange(len(across))
         tips = np.repeat(number[:, None, None], 2, axis=1)
         tets = np.concatenate([ridge.faces[across], tips], axis=-1)
@@ -494,10 +488,7 @@ def _added(
             kept.append(number)
     tets = np.concatenate([mesh.tets, groups[kept].reshape(-1, 4).astype(np.int32)])
     number = np.concatenate([mesh.region, np.repeat(regions[kept], size)])
-    used = np.zeros(len(mesh.points), dtype=bool)
-    used[tets] = True
-    tets = (np.cumsum(used) - 1).astype(np.int32)[tets]
-    return CutMesh(mesh.points[used], tets, number, mesh.free[used])
+    return on_used(mesh.points, tets, number, mesh.free)
 
 
 # Nodes moved onto sharp edges and corners, as far as the tets around them stay good.
@@ -526,9 +517,8 @@ def snapped(mesh: CutMesh, features: FeatureFinder) -> tuple[CutMesh, Bool[np.nd
             open_[ask[np.isin(tried[ask], moved)]] = False
     for reach in EDGE_REACHES:
         nodes = np.flatnonzero(~taken)
-        found = features.on_edges(guard.points[nodes], reach)
-        near = np.isfinite(found.distance)
-        taken[guard.move(nodes[near], found.point[near])] = True
+        near, where = features.on_edges(guard.points[nodes], reach)
+        taken[guard.move(nodes[near], where[near])] = True
     return mesh._replace(points=guard.points), taken & ~mesh.free
 
 

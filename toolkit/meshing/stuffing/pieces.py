@@ -131,8 +131,8 @@ class BodyTets:
 
     def samples(self, body: int) -> Places:
         """Places [m] on a body."""
-        own = self.triangles(body)
-        return sample(*own, rng=np.random.default_rng(0), count=SAMPLES).where
+        rng = np.random.default_rng(0)
+        return sample(*self.triangles(body), rng=rng, count=SAMPLES).where
 
 
 def parted_places(mesh: BodyTets, parts: Sequence[int], edge: float) -> Places:

@@ -1,0 +1,374 @@
+"""Error that the mesh leaves in a quadratic answer, by the surplus of cubic elements.
+
+Some steps of conjugate gradients solve for what cubic elements would add; every tet's share of that
+is multiplied by what the theory of corners says is still to come at the edges that it touches.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from ..device import single_threaded
+from ..elements.assembly import discretise, node_supports
+from ..elements.cubic import CubicElements
+from ..elements.elastic import ElasticBody, linear_stress, von_mises
+from ..elements.forces import edge_nodes
+from ..elements.space import EDGES, Space
+from ..laws.law import Law
+from ..linalg.solver import Inverse
+from ..mesh import TetMesh, material_of, tet_area_vectors
+from ..scene.loads import Traction
+from ..scene.supports import Supports
+from .result import CUBIC, PLACES, DiscretisationError, Modes, SingularPlace, StaticResult
+
+# The steps end where one wins less than this fraction of all energy that was won; flat cells and nu
+# near .5 would creep on for long.
+GAIN, MOST_STEPS = 0.02, 30
+# Smallest exponents of points and lines, where no energy is finite: corners have .5 and more.
+POINT = 0.3
+# An edge or vertex of a larger exponent is smooth; one of a smaller is a place to be named, and not
+# a crease such as a facet's of a round face.
+SMOOTH, NAMED = 0.97, 0.8
+# At one point the change may cancel: it is told to be no less than this of that of the work.
+OF_WORK = 0.25
+# A mode whose frequency is no more than this above the first may be the first on a finer mesh.
+CLOSE = 0.1
+# Share of the largest force of a support below which that of another is not judged.
+LEAST = 0.01
+# Ratio of moduli from which on the end of an interface counts.
+CONTRAST = 3.0
+
+
+class Surplus(NamedTuple):
+    """What cubic elements add: to the nodes (nodes, 3), and numbers of their own (surplus, 3) [m].
+
+    ``energies`` (tets,) are those of both [J], times two.
+    """
+
+    moved: np.ndarray
+    own: np.ndarray
+    energies: np.ndarray
+
+
+@single_threaded
+def find_surplus(
+    cubic: CubicElements,
+    stiffness: Inverse,
+    held: Bool[np.ndarray, "nodes 3"],
+    rest: Float[np.ndarray, "surplus 3"],
+) -> Surplus:
+    """What the forces ``rest`` [N] on the surplus move, by conjugate gradients.
+
+    Blocks of the surplus are the preconditioner, and the nodes follow at every step: by one cycle
+    of the ``stiffness`` of quadratic elements or by its factor, as they were solved for.
+    """
+    precondition = cubic.inverse_blocks()
+    moved, own = np.zeros(held.shape), np.zeros_like(rest)
+    pull, rest = np.zeros(held.shape), np.where(cubic.fixed, 0.0, rest)
+    along = forces = (moved, own)
+    size, won = 0.0, 0.0
+    for _ in range(MOST_STEPS):
+        z = np.einsum("nij,nj->ni", precondition, rest)
+        on_nodes, on_own = cubic.forces(z)
+        follows = -stiffness.near(np.where(held, 0.0, on_nodes + pull))
+        follows[held] = 0.0
+        on_nodes = np.where(held, 0.0, on_nodes + stiffness.times(follows))
+        on_own = np.where(cubic.fixed, 0.0, on_own + cubic.nodal_forces(follows))
+        # Conjugate to the direction before: a cycle is no inverse, and formulas for one would drift
+        back = ((follows * forces[0]).sum() + (z * forces[1]).sum()) / size if size else 0.0
+        along = follows - back * along[0], z - back * along[1]
+        forces = on_nodes - back * forces[0], on_own - back * forces[1]
+        size = float((along[0] * forces[0]).sum() + (along[1] * forces[1]).sum())
+        slope = float((along[1] * rest).sum() - (along[0] * pull).sum())
+        if not (size > 0 and slope > 0):
+            break
+        step = slope / size
+        moved, own = moved + step * along[0], own + step * along[1]
+        pull, rest = pull + step * forces[0], rest - step * forces[1]
+        won += step * slope
+        if step * slope < GAIN * won:
+            break
+    return Surplus(moved, own, cubic.energies(moved, own))
+
+
+# What is still to come beyond cubic elements, at edges and corners.
+
+
+@lru_cache
+def wedge_exponent(angle: float, nu: float, *, held: bool) -> float:
+    """Least real part of a in u ~ r^a [1] at an edge of the interior ``angle`` [degrees].
+
+    Williams (1952), plane strain: both faces free, sin(a w) = -a sin w; one ``held``, (3 - 4 nu)
+    sin^2(a w) = 4 (1 - nu)^2 - a^2 sin^2 w, whose roots are complex at wide angles. One where none
+    is below one.
+    """
+    from scipy.optimize import newton
+
+    if not held and angle <= 181:
+        return 1.0
+    w, c = np.radians(min(angle, 360.0)), 3 - 4 * nu
+    a = np.add.outer(np.linspace(0.2, 1.1, 19), 1j * np.array([0.0, 0.05, 0.15, 0.3])).ravel()
+    if held:
+        f = lambda a: c * np.sin(a * w) ** 2 - 4 * (1 - nu) ** 2 + (a * np.sin(w)) ** 2  # noqa: E731
+        slope = lambda a: c * w * np.sin(2 * a * w) + 2 * a * np.sin(w) ** 2  # noqa: E731
+    else:
+        f = lambda a: np.sin(a * w) + a * np.sin(w)  # noqa: E731
+        slope = lambda a: w * np.cos(a * w) + np.sin(w)  # noqa: E731
+    with np.errstate(all="ignore"), warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # of starts that lead nowhere
+        a = newton(f, a, slope, maxiter=60, full_output=True, disp=False)[0]
+        good = (np.abs(f(a)) < 1e-8) & (a.real > 0.2) & (a.real < 1)
+    return float(a.real[good].min()) if good.any() else 1.0
+
+
+class Exponents(NamedTuple):
+    """Exponent [1] of every point of a mesh, and its kind, an index of ``PLACES``; -1: smooth."""
+
+    value: Float[np.ndarray, "points"]
+    kind: Int[np.ndarray, "points"]
+
+
+def find_exponents(
+    mesh: TetMesh,
+    space: Space,
+    held: Bool[np.ndarray, "nodes 3"],
+    forces: Float[np.ndarray, "points 3"] | None = None,
+) -> Exponents:
+    """Exponents at the edges of supports, inner corners, ends of interfaces, loads at points."""
+    points, faces = len(mesh.points), mesh.boundary.faces
+    value, kind = np.ones(points), np.full(points, -1)
+
+    def lower(ids: np.ndarray, to: np.ndarray, of: str) -> None:
+        to = np.where(to < SMOOTH, to, 1.0)
+        order = np.argsort(-to, kind="stable")  # the least is written last
+        ids, to = ids[order], to[order]
+        less = to < value[ids]
+        value[ids[less]] = to[less]
+        kind[ids[less]] = PLACES.index(of)
+
+    # Interior angle of every edge, the sum over its tets, and its largest nu
+    edges = space.elements[:, 4:] - space.points
+    areas = tet_area_vectors(mesh.points, mesh.tets)
+    normals = areas / np.linalg.norm(areas, axis=1)[:, None]
+    angle, nu = np.zeros(len(space.edges)), np.zeros(len(space.edges))
+    poisson = np.minimum(material_of(mesh).nu, 0.499)
+    for k, ends in enumerate(EDGES):
+        one, two = (f for f in range(4) if f not in ends)
+        cosine = -np.einsum("xt,xt->t", normals[one], normals[two])
+        angle += np.bincount(edges[:, k], np.degrees(np.arccos(cosine.clip(-1, 1))), len(angle))
+        np.maximum.at(nu, edges[:, k], poisson)
+    # Faces that are held in every direction, or in some
+    around = edge_nodes(space, faces[:, [[0, 1], [1, 2], [2, 0]]])
+    by_axis = np.all(held[faces], axis=1) & np.all(held[around], axis=1)
+    count = np.zeros((3, len(space.edges)), dtype=np.int64)  # faces, held ones, wholly held ones
+    any_axis, every_axis = np.any(by_axis, axis=1), np.all(by_axis, axis=1)
+    for row, which in enumerate((slice(None), any_axis, every_axis)):
+        count[row] = np.bincount(around[which].ravel() - space.points, minlength=len(angle))
+    every, some, whole = count
+    for of, which in (
+        ("support edge", (some > 0) & (some < every)),
+        ("inner corner", (every > 0) & (some == 0) & (angle > 181)),
+    ):
+        at = np.flatnonzero(which)
+        clamped = (whole > 0)[at] if of == "support edge" else np.zeros(len(at), dtype=bool)
+        # A face that slides mirrors the body: a free edge of twice the angle
+        mirrored = (some[at] > 0) & ~clamped
+        rows = np.column_stack(
+            [np.where(mirrored, 2 * angle[at], angle[at]).round(), nu[at].round(3), clamped]
+        )
+        unlike, back = np.unique(rows, axis=0, return_inverse=True)
+        found = np.array([wedge_exponent(w, v, held=bool(h)) for w, v, h in unlike])
+        found = np.repeat(found[back.ravel()] if len(at) else found, 2)
+        lower(space.edges[at].ravel(), found, of)
+    # Where an interface meets the surface the stiff side holds the soft one
+    E, ends = material_of(mesh).E, np.unique(faces)
+    low, high, worst = np.full(points, np.inf), np.zeros(points), np.zeros(points)
+    np.minimum.at(low, mesh.tets, E[:, None])
+    np.maximum.at(high, mesh.tets, E[:, None])
+    np.maximum.at(worst, mesh.tets, poisson[:, None])
+    ends = ends[high[ends] > CONTRAST * low[ends]]
+    part = (high - low)[ends] / (high + low)[ends]
+    right = np.array([wedge_exponent(90.0, v, held=True) for v in worst[ends].round(3).tolist()])
+    lower(ends, 1 - part * (1 - right) if len(ends) else part, "interface end")
+    if forces is not None:
+        loaded = np.flatnonzero(np.any(forces[:points], axis=1))
+        lower(loaded, np.full(len(loaded), POINT), "point load")
+    alone = np.array(np.any(held[:points], axis=1))
+    alone[faces[any_axis]] = False
+    alone = np.flatnonzero(alone)
+    lower(alone, np.full(len(alone), POINT), "point support")
+    return Exponents(value, kind)
+
+
+def still_to_come(exponent: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
+    """Squared error of order 2 over what order 3 wins of it: order p leaves p^(-4 exponent)."""
+    two, three = (p ** (-4.0 * np.maximum(exponent, POINT)) for p in (2.0, 3.0))
+    return 1 + three / (two - three)
+
+
+def _named_places(
+    mesh: TetMesh, space: Space, at: Exponents, shares: Float[np.ndarray, "tets"]
+) -> list[tuple[SingularPlace, np.ndarray]]:
+    """Connected places that hold more of the error than of the volume, with their points."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    found, count = [], len(mesh.points)
+    strong = at.value < NAMED
+    for kind in np.unique(at.kind[strong]):
+        mine = strong & (at.kind == kind)
+        joined = space.edges[mine[space.edges].all(axis=1)]
+        graph = coo_array((np.ones(len(joined)), tuple(joined.T)), shape=(count, count))
+        label = connected_components(graph, directed=False)[1]
+        for one in np.unique(label[mine]):
+            points = np.flatnonzero(mine & (label == one))
+            hit = np.isin(mesh.tets, points).any(axis=1)
+            share, part = shares[hit].sum(), mesh.volumes[hit].sum() / mesh.volume
+            if share > min(2 * part, (1 + part) / 2):
+                centre = mesh.points[points].mean(axis=0)
+                radius = float(np.linalg.norm(mesh.points[points] - centre, axis=1).max())
+                known = (tuple(centre.tolist()), radius, float(at.value[points].min()))
+                found.append((SingularPlace(PLACES[kind], *known, float(share)), points))
+    return sorted(found, key=lambda pair: -pair[0].share)
+
+
+# Barycentric centres of the eight children of a tet, where stresses are compared.
+INNER = np.array([[6, 4, 2, 4], [4, 6, 4, 2], [4, 2, 4, 6], [2, 4, 6, 4]]) / 16
+CHILDREN = np.vstack([0.125 + 0.5 * np.eye(4), INNER])
+# The smooth part of a body is a tenth of its tets at least, if it is to lie a ring of tets away.
+SMOOTH_PART = 0.1
+
+
+def smooth_patch(result: StaticResult, exponents: Exponents) -> tuple[np.ndarray, int] | None:
+    """Tets around the one that has the largest stress off the singular places, and that one.
+
+    A ring of tets away from them where much of the body is; None where nothing is.
+    """
+    tets, size = result.mesh.tets, result.von_mises
+    near = (exponents.value < 1)[tets].any(axis=1)
+    ring = np.isin(tets, tets[near]).any(axis=1) if near.any() else near
+    away = ~ring if (~ring).mean() > SMOOTH_PART else ~near
+    if not (away.any() and size.max() > 0):
+        return None
+    top = int(np.where(away, size, -1.0).argmax())
+    return np.flatnonzero(np.isin(tets, tets[top]).any(axis=1) & away), top
+
+
+def _stress_error(
+    result: StaticResult, cubic: CubicElements, exponents: Exponents, surplus: Surplus
+) -> float:
+    """Rms error of the equivalent stress around its largest, over that [1]."""
+    if (patch := smooth_patch(result, exponents)) is None:
+        return np.nan
+    around, top = patch
+    own, none = material_of(result.mesh).of_tets(around), np.zeros_like(surplus.own)
+    fields = (result.node_displacement, none), (surplus.moved, surplus.own)
+    told, off = (
+        von_mises(linear_stress(cubic.gradients(*field, around, CHILDREN), own)) for field in fields
+    )
+    return float(np.sqrt((off**2).mean()) / told[around == top].max())
+
+
+class MeshError(NamedTuple):
+    """Relative errors; what every tet has of the squared one in energy [1]; changes of reactions.
+
+    ``reaction`` (nodes, 3) [N] are the changes that are still to come of the supports' forces.
+    """
+
+    relative: DiscretisationError
+    shares: Float[np.ndarray, "tets"] | None = None
+    reaction: Float[np.ndarray, "nodes 3"] | None = None
+
+
+def estimate_error(
+    result: StaticResult,
+    supports: Supports,
+    stiffness: Inverse,
+    *,
+    gravity_vector: Sequence[float] | np.ndarray | None,
+    traction: Traction | Sequence[Traction] | None,
+    forces: np.ndarray | None = None,
+) -> MeshError:
+    """Errors of a quadratic linear ``result`` under ``supports`` and loads as in ``solve_static``.
+
+    ``stiffness`` is that of its elements, as they are held.
+    """
+    mesh, space, u = result.mesh, result.space, result.node_displacement
+    held = node_supports(supports, space)
+    cubic = CubicElements(mesh, space, held.fixed)
+    gravity = np.zeros(3) if gravity_vector is None else gravity_vector
+    tractions = [traction] if isinstance(traction, Traction) else traction or ()
+    rest = cubic.load(gravity, tractions) - cubic.nodal_forces(u)
+    surplus = find_surplus(cubic, stiffness, held.fixed, rest)
+    moved, own, energies = surplus
+    exponents = find_exponents(mesh, space, held.fixed, forces)
+    least = exponents.value[mesh.tets].min(axis=1)
+    squares, won = still_to_come(least) * energies, float(energies.sum())
+    total = float(squares.sum())
+    factor, shares = (total / won, squares / total) if won > 0 else (1.0, squares)
+    # Largest displacement, of what is not prescribed
+    size, doubled = np.linalg.norm(u, axis=1), 2 * result.energy
+    largest, node = float(size.max()), int(size.argmax())
+    change = abs(float(np.linalg.norm(u[node] + moved[node])) - largest)
+    if held.fixed[node].any() and held.values[node].any():
+        change = float(np.linalg.norm(moved, axis=1).max())
+    displaced = factor * change / largest if largest else 0.0
+    work = np.nan
+    if doubled > 0 and not supports.values.any():
+        work = total / doubled
+        displaced = max(displaced, OF_WORK * work)
+    # Reactions, place by place
+    body = ElasticBody(discretise(mesh, 2), material_of(mesh), Law.LINEAR)
+    pull = np.where(held.fixed, body.response(moved).force + cubic.forces(own)[0], 0.0)
+    each = [(np.where(place, f, 0.0).sum(axis=0) for f in (result.reaction, factor * pull))
+            for place in held.places]  # fmt: skip
+    carried, off = np.linalg.norm([[*pair] for pair in each], axis=2).T if each else ([], [])
+    named = _named_places(mesh, space, exponents, shares)
+    here = mesh.tets[result.von_mises.argmax()]
+    peak = next((place for place, points in named if np.isin(here, points).any()), None)
+    relative = DiscretisationError(
+        displaced,
+        CUBIC,
+        energy=float(np.sqrt(total / doubled)) if doubled > 0 else 0.0,
+        work=work,
+        reaction=max(
+            (d / f for f, d in zip(carried, off, strict=True) if f > LEAST * max(carried)),
+            default=np.nan,
+        ),
+        stress=_stress_error(result, cubic, exponents, surplus),
+        places=tuple(place for place, _ in named),
+        peak=peak,
+    )
+    return MeshError(relative, shares, factor * pull)
+
+
+def estimate_frequency_error(
+    mesh: TetMesh, space: Space, held: Supports, stiffness: Inverse, modes: Modes
+) -> float:
+    """Relative error [1] of the first frequency of quadratic ``modes``, which the mesh raises.
+
+    ``stiffness`` is that of its elements under the supports ``held`` of the nodes. A mode that is
+    close above the first may come before it.
+    """
+    cubic = CubicElements(mesh, space, held.fixed)
+    least = find_exponents(mesh, space, held.fixed).value[mesh.tets].min(axis=1)
+    factors, first, found = still_to_come(least), float(modes.frequencies[0]), []
+    for frequency, phi in zip(modes.frequencies, modes.shapes, strict=True):
+        if not 0 < frequency <= (1 + CLOSE) * first:
+            break
+        square = (2 * np.pi * float(frequency)) ** 2
+        weighed = cubic.weigh(phi, np.zeros((cubic.count, 3)))[0]
+        rest = square * weighed - cubic.nodal_forces(phi)
+        moved, own, energies = find_surplus(cubic, stiffness, held.fixed, rest)
+        phi = phi + moved  # Rayleigh's quotient of what cubic elements make of it
+        energy = cubic.energies(phi, own).sum() + float((held.springs * phi**2).sum())
+        lower = 1 - float(np.sqrt(energy / cubic.weigh(phi, own)[1] / square))
+        factor = float(factors @ energies / energies.sum()) if energies.any() else 1.0
+        found.append(frequency * (1 - factor * lower))
+    return 1 - min(found) / first if found else np.nan

@@ -1,0 +1,202 @@
+"""OBJ: polygons of objects, groups and materials, by one tokenizer.
+
+After Wavefront's "Object Files (.obj)", appendix B1 of the Advanced Visualizer manual.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ...converters.registry import Format, Keeps
+from ...fem.errors import InputError
+from ...fem.note import Note
+from .formats import AssetContent, NamedSurface, References, decoded
+
+NUMBERS = {"v", "vt", "vn", "f"}
+# Free-form curves and surfaces: the statements that end one.
+FREE_FORM = {"curv", "curv2", "surf", "cstype", "bzp", "bsp", "cdc", "cdp"}
+COMMENT = re.compile(r"(?:^|\s)#.*")  # a name may hold the sign
+HANZI = re.compile(
+    rb"(?:[\xb0-\xf7][\xa1-\xfe])+"
+)  # pairs of bytes of the common characters of GBK
+HIGH = re.compile(rb"[\x80-\xff]+")
+
+
+class _Piece(NamedTuple):
+    """Whose a face is: number and name of the object, its group, its material."""
+
+    number: int
+    object: str
+    group: str
+    material: str | None
+
+
+def read_obj(path: Path, data: bytes, references: References) -> AssetContent:
+    """Read one surface per object, group and material; of a file without faces its points.
+
+    Raises InputError: Where numbers have decimal commas, or a face names what is not there.
+    """
+    import trimesh
+    from trimesh.visual import ColorVisuals, TextureVisuals
+    from trimesh.visual.material import SimpleMaterial
+
+    text, warnings = _text(data)
+    rows: dict[str, list[list[str]]] = {"v": [], "vt": []}
+    # Of every piece its faces, and how many vertices and places stood before each
+    pieces: dict[_Piece, tuple[list[list[str]], list[tuple[int, int]]]] = {}
+    piece, objects, libraries, ignored = _Piece(0, "", "", None), 0, [], set()
+    own = None
+    for line in text.split("\n"):
+        words = (COMMENT.sub("", line) if "#" in line else line).split()
+        if not words:
+            continue
+        key, *rest = words
+        if key in rows:
+            rows[key].append(rest)
+        elif key in ("f", "fo"):
+            own = own or pieces.setdefault(piece, ([], []))
+            own[0].append(rest)
+            own[1].append((len(rows["v"]), len(rows["vt"])))
+        elif key in ("o", "g", "usemtl"):
+            name, own = " ".join(rest), None
+            if key == "o":
+                objects += 1
+                piece = _Piece(objects, name, "", piece.material)
+            else:
+                given = {"group": name} if key == "g" else {"material": name or None}
+                piece = piece._replace(**given)
+        elif key == "mtllib":
+            libraries.append(line.split(None, 1)[1].strip())
+        elif key in FREE_FORM:
+            ignored.add(key)
+    if ignored:
+        warnings.append(Note("obj.free_form", names=", ".join(sorted(ignored))))
+    points, colours = _table(path, rows["v"], 3)
+    uv, _ = _table(path, rows["vt"], 2)
+    materials = _materials(libraries, references)
+    surfaces = []
+    for (piece, (faces, starts)), names in zip(pieces.items(), _names(pieces), strict=True):
+        corners = _corners(path, faces, np.array(starts), (len(points), len(uv)))
+        # A vertex for every pair of a point and a place
+        key, index = np.unique(corners @ [len(uv) + 1, 1] + 1, return_inverse=True)
+        used, place = np.divmod(key, len(uv) + 1)
+        mesh = trimesh.Trimesh(points[used], index.reshape(-1, 3), process=False, validate=False)
+        look = materials.get(piece.material or "", None)
+        if piece.material is not None and (look or colours is None):
+            skinned = len(uv) > 0 and bool((place > 0).all())
+            mesh.visual = TextureVisuals(
+                uv=uv[place - 1] if skinned else None,
+                material=SimpleMaterial(**(look or {"name": piece.material})),
+            )
+        elif colours is not None:
+            mesh.visual = ColorVisuals(mesh, vertex_colors=colours[used])
+        surfaces.append(NamedSurface(mesh, names, piece.material))
+    cloud = points if len(points) and not surfaces else None
+    return AssetContent(surfaces, up_guess="y", cloud=cloud, warnings=tuple(warnings))
+
+
+OBJ = Format("OBJ", (".obj",), read=read_obj, keeps=frozenset({Keeps.PARTS}))
+
+
+def _text(data: bytes) -> tuple[str, list[str]]:
+    """Lines of a file, each whole and ended by one mark, in whatever alphabet they are."""
+    warnings = []
+    try:
+        text = data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        high = HIGH.findall(data)
+        encoding = "gb18030" if all(HANZI.fullmatch(run) for run in high) else "cp1252"
+        text = data.decode(encoding, errors="replace")
+        warnings.append(Note("obj.encoding", encoding=encoding))
+    return text.replace("\r\n", "\n").replace("\r", "\n").replace("\\\n", " "), warnings
+
+
+def _table(path: Path, rows: list[list[str]], width: int) -> tuple[np.ndarray, np.ndarray | None]:
+    """The first ``width`` numbers of every row, and three colours behind them if all have them."""
+    if not rows:
+        return np.zeros((0, width)), None
+    least = min(map(len, rows))
+    try:
+        table = np.array([row[: 6 if least >= 6 else width] for row in rows], dtype=np.float64)
+    except ValueError as error:
+        if any("," in word for row in rows for word in row):
+            raise InputError("obj.commas", path=path) from error
+        raise
+    if table.shape[1] < width:
+        raise ValueError(f"a vertex of {least} numbers")
+    colours = table[:, 3:6] if width == 3 and least >= 6 else None
+    if colours is not None and colours.max() > 1:
+        colours = colours / 255
+    return table[:, :width], colours
+
+
+def _corners(
+    path: Path, faces: list[list[str]], counts: np.ndarray, sizes: tuple[int, int]
+) -> np.ndarray:
+    """Vertex and place in the texture, or -1, of the corners of triangles (n, 3, 2) from 0 on.
+
+    A polygon is cut into a fan. Negative indices count back from their own line, before which there
+    were ``counts`` (faces, 2) vertices and places.
+    """
+    triangles = []
+    number = np.array([len(face) for face in faces])
+    for many in np.unique(number[number > 2]):
+        rows = np.flatnonzero(number == many)
+        words = [word for row in rows for word in faces[row]]
+        kinds = {word.count("/") + 10 * ("//" in word) for word in words}
+        if kinds <= {0} or kinds == {1} or kinds == {2}:  # all alike
+            flat = np.array("/".join(words).split("/"), dtype=np.int64).reshape(len(words), -1)
+            pairs = flat[:, :2] if flat.shape[1] > 1 else np.column_stack([flat, 0 * flat])
+        else:
+            split = [[*word.split("/"), ""][:2] for word in words]
+            pairs = np.array([[int(v), int(t or 0)] for v, t in split])
+        pairs = pairs.reshape(len(rows), many, 2)
+        pairs = np.where(pairs < 0, pairs + counts[rows][:, None], pairs - 1)
+        for i, what in ((0, "vertex"), (1, "place")):
+            column = pairs[..., i]
+            if column.min() < (0 if i == 0 else -1) or column.max() >= sizes[i]:
+                raise InputError("obj.index", path=path, what=what, count=sizes[i])
+        fan = np.array([(0, i, i + 1) for i in range(1, many - 1)])
+        triangles.append(pairs[:, fan].reshape(-1, 3, 2))
+    return np.concatenate(triangles) if triangles else np.zeros((0, 3, 2), np.int64)
+
+
+def _names(pieces: dict[_Piece, Any]) -> list[tuple[str, ...]]:
+    """Names around every piece, its own first: of the group where its object has several.
+
+    Objects are told apart by their order, groups of one object by their names.
+    """
+    groups = Counter(number for number, _ in {(p.number, p.group) for p in pieces})
+    own: dict[tuple[int, str], str] = {}
+    taken: Counter[str] = Counter()
+    for piece in pieces:
+        key = piece.number, piece.group
+        if key not in own:
+            name = piece.group if groups[piece.number] > 1 and piece.group else piece.object
+            name = name or piece.group
+            if taken[name] and name != piece.object and piece.object:
+                name = f"{piece.object} {name}"
+            own[key] = f"{name}.{taken[name]}" if taken[name] else name
+            taken[name] += 1
+    return [(own[p.number, p.group], p.object, p.group) for p in pieces]
+
+
+def _materials(libraries: list[str], references: References) -> dict[str, dict[str, Any]]:
+    """Materials of the libraries by name; those that are missing are told by the references."""
+    from trimesh.exchange.obj import parse_mtl
+
+    found: dict[str, dict[str, Any]] = {}
+    for library in dict.fromkeys(libraries):
+        try:
+            found |= parse_mtl(references.get(library), resolver=references)
+        except FileNotFoundError:
+            continue
+    for name, material in found.items():
+        if "image" in material:
+            material["image"] = decoded(material["image"], name, references)
+    return found
