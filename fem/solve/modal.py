@@ -286,7 +286,7 @@ class ModalMethod:
         """
         if law not in (None, *self.laws):
             raise UsageError("modal.small_vibrations", law=law)
-        order = order or (2 if quadratic_modes(scene.mesh) else 1)
+        order = order or (2 if factor_fits(scene.mesh) else 1)
         options = {"supports": scene.held, "order": order, "device": device}
         modes = natural_modes(scene.mesh, scene.modes, **options)
         if order == 1:
@@ -307,11 +307,11 @@ class ModalMethod:
 METHOD = ModalMethod()
 
 
-def quadratic_modes(mesh: TetMesh, *, most: float = np.inf) -> bool:
-    """Whether a factor of quadratic elements fits the memory, in at most so many operations."""
-    if affordable_order(mesh) == 1:
+def factor_fits(mesh: TetMesh, *, order: int = 2, most: float = np.inf) -> bool:
+    """Whether a factor of such elements fits the memory, in at most so many operations."""
+    if affordable_order(mesh) < order:
         return False
-    grid = discretise(mesh, 2)
+    grid = discretise(mesh, order)
     plan = planned_elimination(grid.pattern, grid.space.edges)
     return plan.entries <= MOST_ENTRIES and plan.operations <= most
 

@@ -212,6 +212,9 @@ def locking(result: StaticResult | MotionResult) -> Check:
     if moving and not fraction and (coarse := too_coarse(result.stiffening)):
         said = Note("checks.bends_stiffly", coarse=coarse, limit=BENDS_ALIKE)
         return Check("locking", "failed", said, result.stiffening, BENDS_ALIKE)
+    if not moving and result.order == 1 and not fraction:
+        why = Note("checks.linear_bends")
+        return Check("locking", "doubtful", why, fraction, 0.0, why=why)
     told = {"used": used, "nu": LOCKING, "fraction": fraction}
     said = Note("checks.elements_suit" if fraction == 0 else "checks.elements_lock", **told)
     return Check("locking", _passed(fraction == 0), said, fraction, 0.0)
