@@ -232,15 +232,6 @@ def test_a_shelf_of_its_own_weight_hangs_sideways_too():
         assert abs(at(found, x=1.0)[:, axis].mean()) == pytest.approx(exact, rel=0.01)
 
 
-def test_a_sheared_cube_carries_g_gamma():
-    """All of its surface moved as u_x = gamma z: G gamma A on the top, to round-off."""
-    mesh = uniform(box_mesh((0.1, 0.1, 0.1), (2, 2, 2)), E=1e6, nu=0.3)
-    levels = {f"box:0,0,{z},0.1,0.1,{z}": (0.01 * z, 0, 0) for z in (0.05, 0.1)}
-    found = solve(mesh, fix=["plane:z<0"], move=levels, gravity=0, law="linear")
-    top = reactions(found)["box:0,0,0.1,0.1,0.1,0.1"]["force"]
-    assert top[0] == pytest.approx(1e6 / 2.6 * 0.01 * 0.01, rel=0.05)
-
-
 def test_stone_is_crushed_by_its_own_weight_at_its_height():
     """rho g H / compressive strength at the foot of a pillar that may widen: the factor is one."""
     row = load_table().exact("concrete C25")
