@@ -119,7 +119,7 @@ _LOADS = re.compile(words()["loads"]["pattern"], re.VERBOSE)
 _HEADED = re.compile(r"(?i)(?<!\w)(?:material|mat|werkstoff|matériau|part|part name|bauteil)(?!\w)")
 _CODED = re.compile(r"(?=.*\d)(?=.*[A-Za-z])[^\s%]{3,}")
 _UNIT = re.compile(r" ?(?:[kMG]?Pa|psi|ksi|k?g/|N/)")
-_IGNORED = [re.compile(rf"(?<![\w.])(?:{each})") for each in words()["ignored"]["patterns"]]
+_IGNORED = [re.compile(rf"(?<![\w.])(?:{each})(?!\w)") for each in words()["ignored"]["patterns"]]
 _LOAD_END = re.compile(r"[;\n]|[,.](?=\s|$)|\s(?=and\b|but\b|while\b|which\b)|$")
 
 

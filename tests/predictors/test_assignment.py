@@ -220,7 +220,8 @@ def test_alpha_moves_words_only():
     soft = assigned(block("geometry_0"), "oak", alpha=0.0, predictor=network())
     assert soft.choices[0].value.E == pytest.approx(TABLE.exact("oak").E.min)
     with pytest.raises(UsageError, match=r"--alpha.*'blob'.*--predictor unipixie or retrieval"):
-        assigned(block("blob"), "the legs are oak", alpha=0.0, predictor=network())
+        text = "the legs are oak and the seat is felt"
+        assigned(block("blob"), text, alpha=0.0, predictor=network())
 
 
 @pytest.mark.slow
