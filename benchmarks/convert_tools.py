@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import argparse
 import json
+import resource
 import sys
 import tempfile
+from math import ceil
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +22,9 @@ def run_tool(args: argparse.Namespace) -> None:
     elif tool == "measure":
         _measure(path, out, args)
     else:
+        # The time limit of ours, in seconds of the processor too
+        seconds = ceil(args.time_limit)
+        resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds + 1))
         points, tets = PEERS[tool](path, args)
         if not len(tets):
             sys.exit("no tets and no error")
@@ -57,6 +62,8 @@ def _ours(path: Path, out: Path, args: argparse.Namespace) -> None:
         "thin_volume": report.losses.thin,  # left out by name
         "mesher": report.mesher,  # a lattice promises volume and angles, no distance
         "attempts": len(report.attempts),
+        "warnings": len(report.warnings),
+        "volume_off": mesh.volume / report.input_volume - 1,
         "reason": "; ".join(report.failed),
     }
     (out / "row.json").write_text(json.dumps(row))
@@ -97,6 +104,7 @@ def _measure(path: Path, out: Path, args: argparse.Namespace) -> None:
         "hausdorff_to_rel": gaps.to_input / diagonal,
         "hausdorff_from_rel": gaps.from_input / diagonal,
         "lost_volume": ready.losses.lost,
+        "volume_off": body.volume / volume.total - 1,
         "reason": "; ".join(
             f"{g.name}: {g.value:.3g} > {g.threshold:.3g}" for g in kept if not g.ok
         ),

@@ -66,7 +66,7 @@ def measure(path: Path) -> dict:
     known = {"gravity_vector": scene.gravity_vector, "traction": ()}
     solve = partial(solve_static, mesh, scene.held, **known)
     coarse = solve(order=2)
-    found = find_discretisation_error(coarse, scene.held, solve, **known)
+    found = find_discretisation_error(coarse, scene.held, solve, **known).relative
     fine, space = refined(mesh)
     held = node_supports(scene.held, space)
     supports = Supports(held.fixed, held.values, held.springs)

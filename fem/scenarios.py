@@ -26,6 +26,14 @@ from .solve.schemes import Scheme
 from .validation import checked_direction, checked_number, checked_positive, checked_vector
 
 SUPPORTS = ("base", "three-point")
+OF_MODES = (*SUPPORTS, "free")
+
+
+def _checked_supports(supports: str, known: Sequence[str]) -> str:
+    if supports not in known:
+        names = ", ".join(known)
+        raise InputError("scenarios.supports_wanted", supports=supports, supports_2=names)
+    return supports
 
 
 def _standing(mesh: TetMesh, up: UpAxis, *, three_point: bool = False) -> Scene:
@@ -52,11 +60,9 @@ class Sag:
 
     def scene(self, mesh: TetMesh, *, up: UpAxis = "z") -> Scene:
         """Scene of the standing ``mesh``."""
-        if self.supports not in SUPPORTS:
-            known = ", ".join(SUPPORTS)
-            raise InputError("scenarios.supports_wanted", supports=self.supports, supports_2=known)
+        supports = _checked_supports(self.supports, SUPPORTS)
         weight = -checked_number("gravity", self.gravity, "m/s^2", least=0.0) * up_vector(up)
-        standing = _standing(mesh, up, three_point=self.supports == "three-point")
+        standing = _standing(mesh, up, three_point=supports == "three-point")
         return replace(standing, gravity_vector=weight)
 
 
@@ -610,14 +616,22 @@ class Tear:
 
 @dataclass(frozen=True)
 class Vibration:
-    """The first ``modes`` natural vibrations of the body clamped at its base."""
+    """The first ``modes`` natural vibrations of the body on its ``supports``, as in ``Sag``.
+
+    'free': nothing holds it.
+    """
 
     title: ClassVar[str] = Note("scenarios.first_natural")
     method: ClassVar[str] = "modal"
     with_modes: ClassVar[bool] = False
 
+    supports: str = "base"
     modes: int = 6
 
     def scene(self, mesh: TetMesh, *, up: UpAxis = "z") -> Scene:
-        """Scene of the standing ``mesh``."""
-        return replace(_standing(mesh, up), modes=self.modes)
+        """Scene of the ``mesh``, standing or free."""
+        supports = _checked_supports(self.supports, OF_MODES)
+        if supports == "free":
+            return Scene(mesh=mesh, up=up, modes=self.modes)
+        standing = _standing(mesh, up, three_point=supports == "three-point")
+        return replace(standing, modes=self.modes)

@@ -17,15 +17,17 @@ from .device import single_threaded
 from .elements.assembly import discretise
 from .elements.elastic import ElasticBody
 from .elements.forces import load_vector, squared_masses
+from .elements.space import extend_linear
 from .errors import ConvergenceError
 from .grain import is_of_row
 from .laws.law import Law
+from .linalg.cholesky import planned_elimination
 from .mesh import TetMesh, material_of
 from .note import Note
 from .reduced.sweep import LinearFamily, Member
 from .scene.scene import Scene
 from .solve.buckling import find_load_factor
-from .solve.result import Modes, SagResult
+from .solve.result import LOCKING, Modes, SagResult, locking_fraction
 from .solve.statics import check_held, solve_static
 from .table import FIELDS, NU_CAP, MaterialValue, Span, load_grains, load_table
 
@@ -80,7 +82,8 @@ def likely_answers(
     the same for all parts of one row, by ``shifted_lattice``. Parts of ``draws`` have the first of
     theirs in the first body, the second in the second, and so on around; without any row there are
     as many bodies as draws; what is ``exact`` of a part stays. How much the answers change is found
-    with linear elements, as in ``displacement_interval``.
+    with linear elements, and with quadratic ones where nu may be near a half, at which linear ones
+    lock; where those would take long nu stays what it is.
     """
     mesh, held = scene.mesh, scene.held
     ranges = open_ranges(mesh, materials, draws, exact)
@@ -91,18 +94,23 @@ def likely_answers(
         check_held(mesh, held)
     except ConvergenceError:  # a piece of it is held by nothing
         return None
+    locks = max(one.nu.max for one in ranges) > LOCKING
+    order = unlocked_order(mesh) if locks else 1
+    grid = discretise(mesh, order)
+    shapes = np.zeros((0, len(grid.space.nodes), 3))
+    if modes is not None:
+        shapes = modes.shapes[:TONES, : len(grid.space.nodes)]
+        if shapes.shape[1] < len(grid.space.nodes):
+            shapes = np.stack([extend_linear(grid.space, shape) for shape in shapes])
     family = LinearFamily(
         mesh,
         held,
         np.stack([one.tets for one in ranges]),
         grained=np.array([one.grained for one in ranges]),
-        forces=load_vector(
-            mesh, discretise(mesh, 1), traction=scene.tractions, forces=scene.forces
-        ),
+        forces=load_vector(mesh, grid, traction=scene.tractions, forces=scene.forces),
         gravity_vector=np.asarray(scene.gravity_vector, dtype=float),
-        shapes=np.zeros((0, *mesh.points.shape))
-        if modes is None
-        else modes.shapes[:TONES, : len(mesh.points)],
+        shapes=shapes,
+        order=order,
     )
     if not family.affordable():
         return None
@@ -119,6 +127,8 @@ def likely_answers(
     low, high = np.moveaxis(np.array([(one.E, one.nu, one.rho) for one in ranges]), 2, 0)
     values = low + places * (high - low)
     values[..., ::2] = low[:, ::2] * (high[:, ::2] / low[:, ::2]) ** places[..., ::2]
+    if locks and order == 1:  # what linear elements say of a nu near a half is their locking
+        values[..., 1] = taken[:, 1]
     for k, one in enumerate(ranges):
         if one.draws is not None:
             values[len(ENDS) :, k] = one.draws[np.arange(count) % len(one.draws)]
@@ -237,12 +247,13 @@ def mass_range(mesh: TetMesh, ranges: RangeFactors) -> Interval:
 def displacement_interval(scene: Scene, result: SagResult, ranges: RangeFactors) -> Interval | None:
     """Largest displacement [m] of a linear answer; None of another, or where a solve fails.
 
-    How much it changes is found with linear elements: they are cheap, and as much too stiff always.
+    How much it changes is found with linear elements where they do not lock: they are cheap, and as
+    much too stiff always.
     """
     if result.static.law != Law.LINEAR or not result.trusted:
         return None
-    loads = {"traction": scene.tractions, "forces": scene.forces, "order": 1}
-    loads["gravity_vector"] = scene.gravity_vector
+    loads = {"traction": scene.tractions, "forces": scene.forces}
+    loads |= {"gravity_vector": scene.gravity_vector, "order": _order_of(scene.mesh)}
     material = material_of(scene.mesh)
 
     def largest(E: np.ndarray | float, rho: np.ndarray | float) -> float:
@@ -272,8 +283,8 @@ def load_factor_interval(scene: Scene, result: SagResult, ranges: RangeFactors) 
         return None
     if not known.value * ranges.soft.min() / ranges.heavy.max() < NEARBY:
         return None
-    loads = {"traction": scene.tractions, "forces": scene.forces, "order": 1}
-    loads["gravity_vector"] = scene.gravity_vector
+    loads = {"traction": scene.tractions, "forces": scene.forces}
+    loads |= {"gravity_vector": scene.gravity_vector, "order": _order_of(scene.mesh)}
     one, factors = np.ones(1), []
     ends = ((one, one), (ranges.soft, ranges.heavy), (ranges.stiff, ranges.light))
     try:
@@ -345,6 +356,16 @@ Draws = Mapping[str, Sequence[MaterialValue]]
 Exact = Mapping[str, Sequence[str]]
 
 
+# Numbers of a quadratic body's factor up to which a dozen of them take a few seconds.
+CHEAP = 2_000_000
+
+
+def unlocked_order(mesh: TetMesh) -> int:
+    """Order of elements that do not lock near a nu of a half: 2, where a dozen solves are cheap."""
+    grid = discretise(mesh, 2)
+    return 2 if planned_elimination(grid.pattern, grid.space.edges).entries <= CHEAP else 1
+
+
 class OpenRange(NamedTuple):
     """Tets (tets,) whose material varies together, and what E [Pa], ``nu`` [1], rho of them may be.
 
@@ -411,6 +432,11 @@ def open_ranges(
         taken = MaterialValue(*(float(np.median(x)) for x in own))
         ranges.append(OpenRange(tets, E, nu, rho, taken, grained, values))
     return tuple(ranges)
+
+
+def _order_of(mesh: TetMesh) -> int:
+    """Order of the elements that tell how much an answer changes with E and rho."""
+    return unlocked_order(mesh) if locking_fraction(mesh) else 1
 
 
 class RangeFactors(NamedTuple):

@@ -74,7 +74,7 @@ def plan(
         seconds = dict.fromkeys(tets, 0.0)
         steps = [f"take over the {len(mesh.tets):,} tets of {path}"]
     else:
-        asset = load_asset(path, **scale)
+        asset = load_asset(path, **options.loading())
         tets, seconds = _cost(asset, options)
         steps = [f"fill {len(asset.parts)} parts of {path} with tets"]
     scenario = simulate.scenario if simulate else ""

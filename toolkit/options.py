@@ -23,7 +23,7 @@ from ..fem.solve.method import SCENARIOS
 from ..predictors.encoders import ENCODERS, check_encoder
 from ..predictors.predictor import PREDICTORS
 from .asset import Unit, path_of
-from .meshing.meshers import AUTO, MESHERS
+from .meshing.meshers import AUTO, MESHERS, STUFFING
 
 # What a stage of progress begins with that says how long a run will take: it is always shown.
 EXPECTED = "expected: "
@@ -59,6 +59,10 @@ class ConvertOptions:
     """Unit of the file's numbers; what states none is taken as metres, with a warning."""
     up: UpAxis | None = None
     """Axis that points up, COLMAP's is -y; by default the format's (glTF and OBJ: y, others: z)."""
+    opacity: float | None = None
+    """Splats below this opacity are haze, no matter; by default .1."""
+    crop: str | None = None
+    """Splats within this box alone, x,y,z,x,y,z in the file's units."""
     mesher: Annotated[str, choice(MESHERS, AUTO)] = AUTO
     """ftetwild keeps epsilon; stuffing is quick, auto for samples, large scans, time-outs."""
     edge_length_rel: float | None = None
@@ -74,7 +78,11 @@ class ConvertOptions:
     thicken: float | None = None
     """Thickness [m] given to sheets; without it they are left out, with a warning."""
     time_limit: float = 300.0
-    """Seconds one attempt of the tetrahedraliser may take."""
+    """CPU seconds that all attempts of the tetrahedraliser may take together."""
+    keep: str | None = None
+    """Loose pieces: all, largest, so many, or a least share; by default .005 of the volume."""
+    fast: bool = False
+    """End with the first body, a lattice in seconds, and do not wait for fTetWild."""
     accept_broken: bool = False
     """Keep the best mesh where none is within epsilon of the input, with warnings, not exit 4."""
     cache: Path | None = None
@@ -84,12 +92,18 @@ class ConvertOptions:
     seed: int = 0
     """Seed of everything random of ours; the tetrahedraliser itself varies by 2-3 % in tets."""
 
+    def loading(self) -> dict[str, Any]:
+        """Return what ``load_asset`` takes."""
+        names = ("size", "units", "up", "opacity", "crop")
+        return {name: getattr(self, name) for name in names}
+
     def engine(self) -> dict[str, Any]:
         """Return the options of the tetrahedraliser; size, units and up belong to loading."""
         names = ("edge_length_rel", "edge_length", "epsilon_rel", "max_tets", "layers", "thicken")
-        names += ("mesher", "time_limit", "accept_broken", "seed")
+        names += ("mesher", "time_limit", "accept_broken", "keep", "seed")
         cache = None if self.no_cache else self.cache or _cache_folder("convert")
-        return {name: getattr(self, name) for name in names} | {"cache": cache}
+        found = {name: getattr(self, name) for name in names} | {"cache": cache}
+        return found | ({"mesher": STUFFING} if self.fast and self.mesher == AUTO else {})
 
 
 @dataclass(frozen=True)
@@ -224,10 +238,10 @@ class SimulateOptions:
     """Order of the elements, 1 or 2; by default 2 (motions: 1) while affordable."""
     refine: float | None = None
     """Refine the mesh of a rest where its error is until the answer is within so many percent."""
-    supports: Literal["base", "three-point"] = "base"
-    """Clamp the base, or rest on three points so that nothing is restrained but rigid motion."""
+    supports: Literal["base", "three-point", "free"] = "base"
+    """Clamp the base, rest on three points (only rigid motion is stopped), or free (vibrations)."""
     fix: Annotated[tuple[str, ...], Repeated] = ()
-    """Hold a place instead of the base: part:NAME, "plane:z<0.01", box:..., near:x,y,z,r [:xy]."""
+    """Hold a place, not the base: "part:leg*", "plane:z<10mm", box:..., near:x,y,z,r [:xy]."""
     load: Annotated[tuple[str, ...], Repeated] = ()
     """Force [N] in total on a place, PLACE=fx,fy,fz: part:head=0,0,-10; may be repeated."""
     pressure: Annotated[tuple[str, ...], Repeated] = ()

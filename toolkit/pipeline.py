@@ -24,7 +24,15 @@ from .asset.document import (
     now,
     read_known,
 )
-from .options import AssignOptions, ConvertOptions, SimulateOptions, command_line, pairs, with_given
+from .options import (
+    EXPECTED,
+    AssignOptions,
+    ConvertOptions,
+    SimulateOptions,
+    command_line,
+    pairs,
+    with_given,
+)
 from .simulation.simulate import simulate
 from .verdict.assignment import Assignment
 from .verdict.run import Conversion, RunCase, RunResult, Stopwatch, dialled
@@ -93,10 +101,19 @@ def convert(
         asset, mesh, report = import_tets(asset, **scale)  # it is a tet mesh already
     else:
         if not isinstance(asset, Asset):
-            asset = load_asset(asset, **scale)
+            asset = load_asset(asset, **options.loading())
         asset, walls = _with_rooms(asset, walls, options)
+
+        def first(mesh: TetMesh) -> None:
+            """Write and tell a body that is there before fTetWild has ended."""
+            if output is not None:
+                write_mesh(output, mesh)
+            if progress is not None:
+                told = Note("pipeline.first", tets=len(mesh.tets), volume=mesh.volume)
+                progress(f"{EXPECTED}{told}", 0.0)
+
         mesh, report = tetrahedralize(
-            asset, **options.engine(), **walls.geometry(), progress=progress
+            asset, **options.engine(), **walls.geometry(), first=first, progress=progress
         )
     result = Conversion(asset=asset, mesh=mesh, report=report, walls=walls)
     if output is not None:

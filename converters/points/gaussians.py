@@ -60,7 +60,7 @@ def gaussians(table: PointTable) -> Gaussians:
     sigmas = scales if plain else np.exp(np.minimum(scales, LARGEST_LOG))
     if sigmas.shape[1] == 2:
         sigmas = np.column_stack([sigmas, np.full(len(sigmas), FLAT_SIGMA)])
-    opacity = np.float64(table.columns["opacity"])
+    opacity = np.asarray(table.columns["opacity"], dtype=np.float64)
     if not plain:
         opacity = 1 / (1 + np.exp(-np.clip(opacity, -80, 80)))
     return Gaussians(table.positions, sigmas, normalised(columns("rot", 4)), opacity)

@@ -14,6 +14,7 @@ from jaxtyping import Float
 
 from ...fem.device import start_warp
 from ...fem.errors import NoVolumeError
+from ...fem.note import Note
 from ...predictors.appearance.views import Camera, ring
 from ...predictors.asset import UpAxis
 from ...predictors.grid import Grid
@@ -212,31 +213,110 @@ def stride(frames: int) -> int:
     return -(-frames // SHOWN)
 
 
-# Splats as a body: their summed opacity on a grid, and the closed surface through them.
+# Splats as a body: those that are matter, their summed opacity on a grid, and the closed surface
+# through them.
 
 REACH = 3.0  # standard deviations at which a Gaussian ends: opacity 1 % of its peak
 MAX_REACH = 8  # cells that a Gaussian covers at most on either side: bad fits are clamped
-_FAINT = 0.1  # opacity below which a splat is no part of a surface
+FAINT = 0.1  # opacity below which a splat is no part of a surface
+LOOSE = 0.005  # of all opacity: a cloud with less, apart from the others, floats
+_MIDDLE = (0.01, 0.99)  # quantiles of the places of splats, between which most of a body lies
+_AROUND = 0.5  # of their distance: splats farther outside are strays
+# Splats in neighbouring cells hang together: so many times as large as what one covers, and at
+# most so many along the longest side.
+_LINKED, _COARSE = 2.0, 64
 _CUT = 0.2  # of the density at the splats' own centres: low, since a shell has thin places
 _FINE = 0.75  # of what a splat covers: cells so large see a rod as thick as that
-_FEWEST, _MOST = 96, 192  # cells along the longest side
+_WIDE = 90  # percentile of the sizes of splats that cells must hold, unclamped, for a whole shell
+_FEWEST, _MOST = 32, 192  # cells along the longest side
+_SURFACE = 30_000  # cells that a shell has: some 60,000 triangles, of which a lattice shows a tenth
 _NEIGHBOURS, _ASKED = 4, 2_000  # the fourth nearest splat, of so many, tells how far they lie apart
 
 
-def splat_surface(table: PointTable, *, cells: int | None = None) -> trimesh.Trimesh:
-    """Closed surface [m] through the centres of the opaque splats, its inside solid.
+class Pruning(NamedTuple):
+    """Least ``opacity`` of a splat, and the box ``crop`` (2, 3) in its file's units, if any."""
+
+    opacity: float = FAINT
+    crop: np.ndarray | None = None
+
+
+class Pruned(NamedTuple):
+    """Splats that are matter; how many are too ``faint``, ``outside`` of a crop, or ``loose``."""
+
+    keep: np.ndarray
+    faint: int
+    outside: int
+    loose: int
+
+
+def pruned(splats: Gaussians, by: Pruning) -> Pruned:
+    """Find the splats that are a body: opaque, within the crop, in a cloud with some mass.
+
+    Strays far outside of most splats, and clouds of less than ``LOOSE`` of all opacity, float.
+    """
+    from scipy.ndimage import label
+    from scipy.spatial import KDTree
+
+    means = splats.means
+    finite = np.isfinite(means).all(axis=1)
+    keep = finite & (splats.opacity > by.opacity)
+    faint = int((~keep).sum())
+    inside = keep.copy()
+    if by.crop is not None:
+        inside[keep] = ((means[keep] >= by.crop[0]) & (means[keep] <= by.crop[1])).all(axis=1)
+        if keep.any() and not inside.any():
+            raise NoVolumeError("views.nothing_within", crop=by.crop.ravel().tolist())
+    if not inside.any():
+        raise NoVolumeError("views.none_splats", count=len(keep), faint=by.opacity)
+    low, high = np.quantile(means[inside], _MIDDLE, axis=0)
+    room = _AROUND * (high - low).max()
+    near = inside.copy()
+    near[inside] = ((means[inside] >= low - room) & (means[inside] <= high + room)).all(axis=1)
+    where = means[near]
+    bounds = np.stack([where.min(axis=0), where.max(axis=0)])
+    covered = _covered(splats.sigmas[near], where, KDTree(where))
+    longest = float(np.ptp(bounds, axis=0).max())
+    cells = int(np.clip(longest / max(_LINKED * covered, longest / _COARSE), 1, _COARSE))
+    grid = Grid.around(bounds, cells=cells)
+    cell = tuple(np.clip(grid.cell_of(where), 0, np.array(grid.shape) - 1).T)
+    taken = np.zeros(grid.shape, dtype=bool)
+    taken[cell] = True
+    groups: Any = label  # its stubs know no pair
+    cloud = groups(taken, structure=np.ones((3, 3, 3)))[0][cell]
+    mass = np.bincount(cloud, weights=splats.opacity[near])
+    found = near.copy()
+    found[near] = (mass >= LOOSE * mass.sum())[cloud]
+    count = [int(some.sum()) for some in (keep, inside, found)]
+    return Pruned(found, faint, count[0] - count[1], count[1] - count[2])
+
+
+def splat_body(
+    table: PointTable,
+    by: Pruning = Pruning(),  # noqa: B008 - a tuple does not change
+) -> tuple[trimesh.Trimesh, list[Note]]:
+    """Closed surface [m] of the splats that are matter, and notes on those that float."""
+    found = pruned(gaussians(table), by)
+    kept = PointTable({name: np.asarray(v)[found.keep] for name, v in table.columns.items()})
+    told = [Note("views.loose", loose=found.loose, count=len(table))] if found.loose else []
+    return splat_surface(kept, least=0.0), told
+
+
+def splat_surface(
+    table: PointTable, *, cells: int | None = None, least: float = FAINT
+) -> trimesh.Trimesh:
+    """Closed surface [m] through the centres of splats above an opacity, its inside solid.
 
     The opacity grid of a shell of splats is a ridge. It is cut on its outer side, its inside
     filled, and the cut moved in to where the splats lie below it: their own places, since in a
     thin body the ridges of both sides are one. By default cells are as large as what a splat
-    covers.
+    covers. Vertices have the colour of the splats around.
     """
     from scipy.spatial import KDTree
 
     splats = gaussians(table)
-    keep = (splats.opacity > _FAINT) & np.isfinite(splats.means).all(axis=1)
+    keep = (splats.opacity > least) & np.isfinite(splats.means).all(axis=1)
     if not keep.any():
-        raise NoVolumeError("views.none_splats", count=len(table), faint=_FAINT)
+        raise NoVolumeError("views.none_splats", count=len(table), faint=least)
     splats = Gaussians(*(values[keep] for values in splats))
     tree = KDTree(splats.means)
     bounds = np.stack([splats.means.min(axis=0), splats.means.max(axis=0)])
@@ -250,17 +330,42 @@ def splat_surface(table: PointTable, *, cells: int | None = None) -> trimesh.Tri
         below = vertices - splats.means[tree.query(vertices)[1]]
         return float(np.median(np.einsum("ni,ni->n", below, normals)))
 
-    return shell_surface(density, grid, level=_CUT * float(np.median(here)), depth=depth)
+    surface = shell_surface(density, grid, level=_CUT * float(np.median(here)), depth=depth)
+    if all(f"f_dc_{i}" in table.columns for i in range(3)):
+        base = np.stack([table.columns[f"f_dc_{i}"][keep] for i in range(3)], axis=1)
+        ranks: Any = np.arange(1, min(_NEIGHBOURS, len(base)) + 1)  # an array keeps the shape
+        nearest = np.asarray(tree.query(surface.vertices, k=ranks)[1])
+        weight = splats.opacity[nearest]
+        mean = np.einsum("nk,nkc->nc", weight, base[nearest]) / weight.sum(axis=1)[:, None]
+        colour = np.clip(0.5 + SH_C0 * mean, 0.0, 1.0)
+        surface.visual.vertex_colors = (255 * colour).round().astype(np.uint8)  # type: ignore
+    return surface
 
 
 def _cells(splats: Gaussians, tree: KDTree) -> int:
-    """Cells along the longest side that are no smaller than splats, nor than the gaps between."""
-    some = splats.means[:: max(1, len(splats.means) // _ASKED)]
-    nearest = min(_NEIGHBOURS, len(splats.means) - 1)
-    apart = float(np.median(tree.query(some, k=nearest + 1)[0][:, -1]))
-    covered = max(apart, float(np.median(splats.sigmas.max(axis=1))))
+    """Cells along the longest side that are no smaller than splats, nor than the gaps between.
+
+    Nor so small that the larger splats are clamped to ``MAX_REACH`` of them: these would leave
+    holes in a shell that they cover. Their number grows with the square, of a shell's surface.
+    """
+    size = splats.sigmas.max(axis=1)
+    covered = _covered(splats.sigmas, splats.means, tree) * _FINE
+    covered = max(covered, REACH / MAX_REACH * float(np.percentile(size, _WIDE)))
     longest = float(np.ptp(splats.means, axis=0).max())
-    return int(np.clip(longest / (_FINE * covered), _FEWEST, _MOST)) if covered else _FEWEST
+    if not covered:
+        return _FEWEST
+    places = np.floor((splats.means - splats.means.min(axis=0)) * (_COARSE / longest)).astype(int)
+    taken = len(np.unique(places, axis=0))
+    most = min(_MOST, int(_COARSE * (_SURFACE / taken) ** 0.5))
+    return int(np.clip(longest / covered, _FEWEST, max(most, _FEWEST)))
+
+
+def _covered(sigmas: np.ndarray, means: np.ndarray, tree: KDTree) -> float:
+    """Length [m] of what a splat covers, or of the gaps between them where these are wider."""
+    nearest = min(_NEIGHBOURS, len(means) - 1)
+    ranks: Any = np.array([nearest + 1])
+    apart = float(np.median(tree.query(means[:: max(1, len(means) // _ASKED)], k=ranks)[0]))
+    return max(apart, float(np.median(sigmas.max(axis=1))))
 
 
 def opacity_grid(splats: Gaussians, grid: Grid) -> Float[np.ndarray, "nx ny nz"]:

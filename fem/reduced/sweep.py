@@ -23,7 +23,7 @@ from ..elements.assembly import (
     node_supports,
     stiffness,
 )
-from ..elements.forces import lumped_mass
+from ..elements.forces import lumped_mass, mass_fractions
 from ..errors import ConvergenceError, InputError
 from ..laws.law import Law
 from ..linalg.cholesky import CholeskyFactor, planned_elimination
@@ -174,8 +174,9 @@ class LinearFamily:
     """Members of a family of held bodies in few coordinates; what holds them must not be moved.
 
     The material of the tets of a group varies together; the stiffness of ``grained`` ones is a
-    tensor, which nu does not change. ``forces`` [N] at the points are dead, ``gravity_vector``
-    [m/s^2] acts on the mass, which varies; ``shapes`` are vibrations of the body as it is.
+    tensor, which nu does not change. ``forces`` [N] at the nodes are dead, ``gravity_vector``
+    [m/s^2] acts on the mass, which varies; ``shapes`` are vibrations of the body as it is, with
+    elements of ``order`` as all here.
     """
 
     def __init__(
@@ -185,19 +186,19 @@ class LinearFamily:
         groups: Bool[np.ndarray, "groups tets"],
         *,
         grained: Bool[np.ndarray, "groups"],
-        forces: Float[np.ndarray, "points 3"],
+        forces: Float[np.ndarray, "nodes 3"],
         gravity_vector: Float[np.ndarray, "3"],
-        shapes: Float[np.ndarray, "modes points 3"],
+        shapes: Float[np.ndarray, "modes nodes 3"],
+        order: int = 1,
     ) -> None:
         self.mesh, self.groups, self.grained = mesh, groups, grained
-        self.grid = discretise(mesh, 1)
+        self.grid = discretise(mesh, order)
         self.held = node_supports(supports, self.grid.space)
         self.forces, self.gravity, self.shapes = forces, np.asarray(gravity_vector, float), shapes
-        corner_mass = material_of(mesh).rho * mesh.volumes / 4
+        mass, share = material_of(mesh).rho * mesh.volumes, mass_fractions(order)
+        nodes, count = self.grid.space.elements.ravel(), len(self.grid.space.nodes)
         self._masses = [
-            np.bincount(
-                mesh.tets.ravel(), np.where(tets, corner_mass, 0.0).repeat(4), len(mesh.points)
-            )
+            np.bincount(nodes, np.outer(np.where(tets, mass, 0.0), share).ravel(), count)
             for tets in groups
         ]
         self._rest = lumped_mass(mesh, self.grid.space) - sum(self._masses)
@@ -226,8 +227,8 @@ class LinearFamily:
             tensor = np.where(grain[:, None, None], tensor * E[:, None, None], plain)
         return ElementMaterial(base.E * E, nu, base.rho * rho, tensor, base.axes)
 
-    def mass(self, member: Member) -> Float[np.ndarray, "points"]:
-        """Lumped mass [kg] of a member's points."""
+    def mass(self, member: Member) -> Float[np.ndarray, "nodes"]:
+        """Lumped mass [kg] of a member's nodes."""
         return self._rest + sum(r * m for r, m in zip(member.rho, self._masses, strict=True))
 
     def add(self, members: Iterable[Member]) -> list[np.ndarray]:
@@ -288,7 +289,7 @@ class LinearFamily:
 
     def answers(
         self, member: Member
-    ) -> tuple[Float[np.ndarray, "points 3"], Float[np.ndarray, "modes"]]:
+    ) -> tuple[Float[np.ndarray, "nodes 3"], Float[np.ndarray, "modes"]]:
         """Displacement at rest [m], and as many natural frequencies [Hz] as there are shapes."""
         rest, frequencies = self._reduced_answers(member)
         return self.basis @ rest, frequencies

@@ -15,7 +15,7 @@ from ..mesh import TetMesh, material_of
 from ..note import Note
 from ..scene.supports import Supports
 from .mesh_error import MeshError, estimate_error
-from .modal import QUICK, natural_modes, quadratic_modes
+from .modal import QUICK, factor_fits, natural_modes
 from .result import BENDS_ALIKE, LOCKING, DiscretisationError, StaticResult
 
 # Unknowns of quadratic elements up to which a motion takes them where linear ones lock in bending.
@@ -59,7 +59,7 @@ def linear_stiffening(mesh: TetMesh, supports: Supports | None = None) -> float:
     ones have no modes within seconds.
     """
     try:
-        if not quadratic_modes(mesh, most=QUICK):
+        if not factor_fits(mesh, most=QUICK):
             return np.nan
         linear, quadratic = (
             float(natural_modes(mesh, 1, supports=supports, order=order).frequencies[0]) ** 2

@@ -36,7 +36,7 @@ POINT = 0.3
 # a crease such as a facet's of a round face.
 SMOOTH, NAMED = 0.97, 0.8
 # At one point the change may cancel: it is told to be no less than this of that of the work.
-OF_WORK = 0.25
+OF_WORK = 0.125
 # A mode whose frequency is no more than this above the first may be the first on a finer mesh.
 CLOSE = 0.1
 # Share of the largest force of a support below which that of another is not judged.
@@ -338,7 +338,7 @@ def estimate_error(
         energy=float(np.sqrt(total / doubled)) if doubled > 0 else 0.0,
         work=work,
         reaction=max(
-            (d / f for f, d in zip(carried, off, strict=True) if f > LEAST * max(carried)),
+            (float(d / f) for f, d in zip(carried, off, strict=True) if f > LEAST * max(carried)),
             default=np.nan,
         ),
         stress=_stress_error(result, cubic, exponents, surplus),

@@ -37,6 +37,7 @@ from ..linalg.krylov import RitzPairs, lanczos
 from ..linalg.multigrid import TwoLevel, scale
 from ..linalg.solver import MOST_ENTRIES, PIVOT, Inverse, rough_factor, rough_inverse
 from ..mesh import TetMesh, free_motions, material_of, rigid_motions
+from ..note import Note
 from ..scene.loads import Traction
 from ..scene.scene import Scene
 from ..scene.supports import Supports
@@ -57,6 +58,8 @@ NOTICED = 1e-2
 WIDEST, MOST_BLOCKS = 8, 60
 # The shift of a body that can move freely: a share of the square of its slowest wave's frequency.
 SHIFT = 0.05
+# A share of a free motion below this is round-off of the others.
+FREE = 1e-5
 # Operations of a factorisation that takes a few seconds.
 QUICK = 5e10
 
@@ -224,9 +227,43 @@ def natural_modes(
     if not residual < TOLERANCE:
         raise ConvergenceError("modal.modes_residual", residual=residual, tolerance=TOLERANCE)
     shapes = np.ascontiguousarray(x.T).reshape(count, -1, 3)
-    loose = rigid if held.fixed.any() or held.springs.any() else 0
-    frequencies = np.sqrt(np.maximum(square, 0.0)) / (2 * np.pi)
-    return Modes(frequencies, shapes, residual, order, noticed, loose)
+    frequencies, holds = np.sqrt(np.maximum(square, 0.0)) / (2 * np.pi), bool(stopped.any())
+    free_names = _named(mesh, motions)
+    return Modes(frequencies, shapes, residual, order, noticed, free_names, holds)
+
+
+def _named(mesh: TetMesh, motions: np.ndarray) -> tuple[str, ...]:
+    """Names of free ``motions`` (points, 3, k): turns about axes, ways along them, then all else.
+
+    A turn may be about any axis of that direction. What pieces do against each other has no name.
+    """
+    used, count = np.unique(mesh.tets), motions.shape[2]
+    if not count:
+        return ()
+    size = float(np.ptp(mesh.bounds, axis=0).max())
+    whole = rigid_motions((mesh.points[used] - mesh.bounds.mean(axis=0)) / size)
+    whole = whole[:, :, [3, 4, 5, 0, 1, 2]].reshape(-1, 6)  # turns first: ways in them are left out
+    basis = np.linalg.qr(motions[used].reshape(-1, count))[0]
+    stopped = np.linalg.qr(whole - basis @ (basis.T @ whole), mode="r")
+    *_, size_of, right = np.linalg.svd(stopped)
+    rows, names = right[size_of < FREE * np.sqrt(len(whole))], []
+    for column in range(6):  # to echelon form: a row a motion, with as few parts as can be
+        here = len(names)
+        if here == len(rows) or not abs(rows[here:, column]).max() > FREE:
+            continue
+        pivot = here + int(abs(rows[here:, column]).argmax())
+        rows[[here, pivot]] = rows[[pivot, here]]
+        rows[here] /= rows[here, column]
+        others = np.arange(len(rows)) != here
+        rows[others] -= np.outer(rows[others, column], rows[here])
+        names.append(column)
+    words = []
+    for row, column in zip(rows, names, strict=True):
+        kind, part = ("about", row[:3]) if column < 3 else ("along", row[3:])
+        axes = [axis for axis, share in zip("xyz", part, strict=True) if abs(share) > FREE]
+        slanted = f"({', '.join(f'{x:.2g}' for x in part)})"
+        words.append(f"{kind} {axes[0] if len(axes) == 1 else slanted}")
+    return (*words, *[Note("modal.pieces")] * (count - len(words)))
 
 
 class ModalMethod:
@@ -249,7 +286,7 @@ class ModalMethod:
         """
         if law not in (None, *self.laws):
             raise UsageError("modal.small_vibrations", law=law)
-        order = order or (2 if quadratic_modes(scene.mesh) else 1)
+        order = order or (2 if factor_fits(scene.mesh) else 1)
         options = {"supports": scene.held, "order": order, "device": device}
         modes = natural_modes(scene.mesh, scene.modes, **options)
         if order == 1:
@@ -270,11 +307,11 @@ class ModalMethod:
 METHOD = ModalMethod()
 
 
-def quadratic_modes(mesh: TetMesh, *, most: float = np.inf) -> bool:
-    """Whether a factor of quadratic elements fits the memory, in at most so many operations."""
-    if affordable_order(mesh) == 1:
+def factor_fits(mesh: TetMesh, *, order: int = 2, most: float = np.inf) -> bool:
+    """Whether a factor of such elements fits the memory, in at most so many operations."""
+    if affordable_order(mesh) < order:
         return False
-    grid = discretise(mesh, 2)
+    grid = discretise(mesh, order)
     plan = planned_elimination(grid.pattern, grid.space.edges)
     return plan.entries <= MOST_ENTRIES and plan.operations <= most
 

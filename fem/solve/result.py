@@ -408,8 +408,9 @@ class Modes:
         Largest |K x - w^2 M x| / |w^2 M x| of the modes, with w at least a wave's across the body.
     order, loaded
         Order of the elements; whether they are those of the body under its load.
-    free
-        Motions that meet no resistance, besides those of a body that nothing holds.
+    free, held
+        Names of what nothing stops, and is no vibration: 'about z', 'along x', ...; whether
+        anything holds the body.
     error
         Relative error [1] of the first frequency by the mesh, of quadratic elements; NaN: not made.
 
@@ -429,7 +430,8 @@ class Modes:
     residual: float
     order: int = 2
     loaded: bool = False
-    free: int = 0
+    free: tuple[str, ...] = ()
+    held: bool = True
     error: float = np.nan
 
 

@@ -52,6 +52,8 @@ def test_locking_share():
     share = mesh.volumes[nu > 0.45].sum() / mesh.volume
     assert solve_static(body, held, order=1).locking_fraction == pytest.approx(share)
     assert solve_static(body, held, order=2).locking_fraction == 0
+    plain = solve_static(shaken_box(), held, order=1)
+    assert locking(plain).outcome == "doubtful"  # they bend too stiffly at any nu
 
 
 def _pad(cells):

@@ -9,12 +9,22 @@ import trimesh
 from autophyx_tet.fem.errors import NoVolumeError
 from autophyx_tet.fem.mesh import box_mesh
 from autophyx_tet.toolkit.asset import cache
+from autophyx_tet.toolkit.asset.cache import Runner
 from autophyx_tet.toolkit.asset.child import ChildFailure
 from autophyx_tet.toolkit.meshing import convert as attempts
-from autophyx_tet.toolkit.meshing import convert as module
+from autophyx_tet.toolkit.meshing import ftetwild
 from autophyx_tet.toolkit.meshing.convert import tetrahedralize
+from autophyx_tet.toolkit.meshing.ftetwild import (
+    FORESEEN,
+    HURRIED,
+    PASSES,
+    EngineTarget,
+    hopeless,
+    run_engine,
+)
 from autophyx_tet.toolkit.meshing.stuffing.mesher import stuffed
 
+from .test_stuffing import solids_of
 from .test_tetrahedralize import QUICK, asset_of, converted
 
 
@@ -60,12 +70,13 @@ def test_a_time_out_is_followed_by_a_coarser_attempt_and_recorded(monkeypatch):
 def test_a_time_out_is_followed_by_a_lattice_and_said(monkeypatch):
     """With the default mesher a lattice takes over: it keeps the volume, no epsilon; it is said.
 
-    The edge that the engine was given is the longest one: some 300 tets, where 5000 may be.
+    Its edge is the one that was given, where that keeps the guarantees.
     """
     _slow_at_first(monkeypatch)
     cube = asset_of(cube=trimesh.creation.box((1, 1, 1)))
     mesh, report = tetrahedralize(cube, **QUICK, max_tets=5000)
-    assert 2500 < len(mesh.tets) <= 5000
+    assert len(mesh.tets) <= 5000
+    assert report.edge_length == pytest.approx(QUICK["edge_length_rel"] * 3**0.5)  # of a unit cube
     assert [attempt.engine for attempt in report.attempts] == ["tetwild", "stuffing"]
     assert (report.mesher, report.ok) == ("stuffing", True)
     assert mesh.volume == pytest.approx(1, rel=0.01)  # of which more would be told
@@ -154,18 +165,35 @@ def test_beads_follow_where_no_lattice_that_fits_keeps_a_part_whole(monkeypatch)
     monkeypatch.setattr(attempts, "MESHERS", {"stuffing": cutting})
     cube = asset_of(cube=trimesh.creation.box((1, 1, 1)))
     _, report = tetrahedralize(cube, mesher="stuffing")
-    assert asked == [(50_000, False), (204_800, False), (204_800, True)]
+    assert asked == [(50_000, False), (200_000, False), (200_000, True)]
     assert [a.outcome[:9] for a in report.attempts] == ["in pieces", "in pieces", "ok"]
 
 
-def test_a_surface_too_large_for_the_engine_goes_to_a_lattice_at_once(monkeypatch):
-    """A knobbly ball of 5,120 triangles where 4,000 are quick: no engine is waited for; said."""
-    monkeypatch.setattr(module, "QUICK_TRIANGLES", 4000)
+def test_an_engine_that_would_take_too_long_is_given_up_by_what_it_says(monkeypatch):
+    """Passes it has not begun count by those that it made; other work on the machine does not."""
+    assert not hopeless("stage: tetrahedralizing", FORESEEN)  # who knows
+    assert hopeless("collapsing 4.7", HURRIED / PASSES + 1)  # nothing but simplifying so far
+    two = "//// pass 0 ////\n//// pass 1 ////"
+    assert not hopeless(two, 3 / PASSES * HURRIED - 1)
+    assert hopeless(two, 3 / PASSES * HURRIED + 1)
+    monkeypatch.setattr(ftetwild, "FORESEEN", 0.0)
+    monkeypatch.setattr(ftetwild, "HURRIED", 1.0)
     ball = trimesh.creation.icosphere(4)
     ball.vertices *= 1 + 0.03 * np.sin(20 * ball.vertices).prod(axis=1, keepdims=True)
     _, report = tetrahedralize(asset_of(ball=ball), epsilon_rel=1e-4, max_tets=5000)
     assert [attempt.engine for attempt in report.attempts] == ["tetwild", "stuffing"]
-    left = re.search(r"time: ([\d,]+) triangles are more", report.attempts[0].outcome)
-    assert 4000 < int(left[1].replace(",", "")) <= len(ball.faces)
-    assert any("takes too long" in w and left[1] in w for w in report.warnings)
+    assert re.search(r"time: given up after \d+ s of CPU", report.attempts[0].outcome)
+    assert any("takes too long" in told for told in report.warnings)
     assert (report.mesher, report.ok) == ("stuffing", True)
+
+
+def test_the_time_limit_is_for_all_attempts_together():
+    """Once children have taken it no other is begun, and the clock is theirs, not the wall's."""
+    ball = trimesh.creation.icosphere(3)
+    runner = Runner(1e3)
+    run_engine(solids_of(ball), EngineTarget.of(2.0, 0.2, 2e-2), runner)
+    assert 0 < runner.clock.seconds < 60
+    late = replace(runner, time_limit=runner.clock.seconds)
+    with pytest.raises(ChildFailure, match="nothing is left") as failure:
+        run_engine(solids_of(ball), EngineTarget.of(2.0, 0.2, 2e-2), late)
+    assert failure.value.kind == "time"

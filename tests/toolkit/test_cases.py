@@ -294,6 +294,29 @@ def test_3mf_a_required_extension_that_is_not_read_is_named(tmp_path):
     expect(path, 1e-6, told="beamlattice of the file are not read")
 
 
+def test_3mf_materials_of_objects_and_triangles_have_names_and_colours(tmp_path):
+    """A box whose lower half of the triangles is oak; of the rest the object's steel."""
+    from autophyx_tet.predictors.appearance.surface import skin_of
+
+    oak = [writers.threemf_mesh(CORNERS * 10, TRIANGLES[:6], 'pid="7" p1="1"')]
+    mesh = CUBE_3MF.replace(
+        CUBE_3MF.partition("<triangles>")[2].partition("</triangles>")[0],
+        oak[0].partition("<triangles>")[2].partition("</triangles>")[0]
+        + writers.threemf_mesh([], TRIANGLES[6:]).partition("<triangles>")[2].partition("</tri")[0],
+    )
+    resources = (
+        '<basematerials id="7"><base name="steel" displaycolor="#0000FF"/>'
+        '<base name="oak" displaycolor="#FF0000FF"/></basematerials>'
+        f'<object id="1" type="model" pid="7" pindex="0" name="box">{mesh}</object>'
+    )
+    path = writers.threemf(tmp_path / "a.3mf", resources, '<item objectid="1"/>')
+    found = {}
+    for part in load_asset(path).parts:
+        colour = skin_of(part.mesh)(np.array([0]), np.full((1, 3), 1 / 3))[0, :3]
+        found[part.name] = (len(part.mesh.faces), colour.round(1).tolist())
+    assert found == {"steel": (6, [0, 0, 1]), "oak": (6, [1, 0, 0])}
+
+
 def test_3mf_components_of_themselves_end(tmp_path):
     resources = (
         '<object id="1" type="model"><components><component objectid="1"/></components></object>'

@@ -16,7 +16,7 @@ import pytest
 import trimesh
 from autophyx_tet.fem.errors import InputError, NoVolumeError
 from autophyx_tet.predictors.asset import Asset, Part
-from autophyx_tet.toolkit.asset.foreign import CAD, SCENE
+from autophyx_tet.toolkit.asset.foreign import CAD, FBX, SCENE
 from autophyx_tet.toolkit.asset.formats import ASSET_FORMATS, References, read_content
 from autophyx_tet.toolkit.asset.load import load_asset
 from autophyx_tet.toolkit.asset.readers import CARRIER
@@ -71,7 +71,7 @@ def _valid_files() -> dict[str, bytes]:
     files = {
         suffix: trimesh.exchange.export.export_mesh(box, None, file_type=suffix[1:])
         for suffix in ASSET_FORMATS
-        if suffix not in (".gltf", *CARRIER.suffixes, *SCENE.suffixes, *CAD.suffixes)
+        if suffix not in (".gltf", *CARRIER.suffixes, *FBX.suffixes, *SCENE.suffixes, *CAD.suffixes)
     }
     files[".gltf"] = _embedded_gltf()
     cloud = np.random.default_rng(0).normal(size=(30, 3))

@@ -7,9 +7,9 @@ import json
 import logging
 import os
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -19,7 +19,7 @@ import numpy as np
 from ...converters.files import UNFINISHED
 from ...converters.npz import load_npz, save_npz
 from ...fem.errors import AutophyxError, InputError, UsageError
-from .child import Progress, run_guarded
+from .child import ChildFailure, Clock, Progress, run_guarded
 from .engines import Arrays
 
 log = logging.getLogger(__name__)
@@ -34,15 +34,19 @@ ENGINE_PACKAGES = ("autophyx-tet", "pytetwild", "numpy")
 class Runner:
     """Runs engine tasks in guarded children and remembers their results.
 
-    time_limit, memory_limit: Seconds and bytes for one run.
+    time_limit, memory_limit: Seconds of CPU for all runs together, and bytes for one.
     progress: Called with (stage, seconds) while a child works.
     cache: Folder of the results, or None to remember nothing.
+    clock: What the runs so far took.
+    meanwhile: Called with the CPU seconds of a child again and again while it works.
     """
 
     time_limit: float
     memory_limit: int | None = None
     progress: Progress | None = None
     cache: Path | None = None
+    clock: Clock = field(default_factory=Clock)
+    meanwhile: Callable[[float], None] | None = None
 
     def checked(self) -> Runner:
         """Return itself, or say what is out of range."""
@@ -50,20 +54,45 @@ class Runner:
             raise UsageError(f"--time-limit must be > 0 s, got {self.time_limit:g}")
         return self
 
+    @property
+    def left(self) -> float:
+        """Seconds of CPU that runs may still take."""
+        return max(self.time_limit - self.clock.seconds, 0.0)
+
     def run(
-        self, task: str, arrays: Mapping[str, np.ndarray], options: Mapping[str, Any]
+        self,
+        task: str,
+        arrays: Mapping[str, np.ndarray],
+        options: Mapping[str, Any],
+        *,
+        most: float = np.inf,
+        hopeless: Callable[[str, float], bool] | None = None,
     ) -> Arrays:
-        """Return what the task gives, from the cache if it has been run before."""
+        """Return what the task gives within ``most`` s, from the cache if it has been run before.
+
+        It is given up where it is ``hopeless`` by what it prints, and its seconds so far.
+        Raises ChildFailure: As ``run_guarded``, and where no time is left.
+        """
         path = None if self.cache is None else self.cache / f"{digest(task, arrays, options)}.npz"
         if path is not None and (known := recalled(path)) is not None:
             return known
+
+        def watched(said: str, seconds: float) -> bool:
+            if self.meanwhile is not None:
+                self.meanwhile(seconds)
+            return hopeless is not None and hopeless(said, seconds)
+
+        if not self.left:
+            raise ChildFailure("time", f"nothing is left of {self.time_limit:g} s of CPU", 0.0)
         result = run_guarded(
             task,
             arrays,
             options,
-            time_limit=self.time_limit,
+            time_limit=min(self.left, most),
             memory_limit=self.memory_limit,
             progress=self.progress,
+            clock=self.clock,
+            hopeless=None if hopeless is None else watched,
         )
         if path is not None:
             remember(path, result)

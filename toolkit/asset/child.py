@@ -18,12 +18,13 @@ import tempfile
 import time
 import traceback
 from collections.abc import Callable, Mapping
+from math import ceil
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 
-from .engines import TASKS, Arrays, TooLong
+from .engines import TASKS, Arrays
 from .guard import guard
 
 log = logging.getLogger(__name__)
@@ -31,19 +32,28 @@ log = logging.getLogger(__name__)
 Progress = Callable[[str, float], None]
 Kind = Literal["time", "memory", "crash", "error"]
 
+# Times its limit of CPU that a child may take by the wall clock: by then it waits for nothing.
+WAITING = 20.0
+MOST_SAID = 2**20  # bytes of what a child printed that are read again and again
 POLL = 0.05  # s between two looks at the child: unnoticeable beside a process start of 0.3 s
 MEMORY_SHARE = 0.75  # of the machine's memory: the child fails before the machine swaps
-_KINDS: dict[str, Kind] = {"MemoryError": "memory", TooLong.__name__: "time"}
+_KINDS: dict[str, Kind] = {"MemoryError": "memory"}
 _JOB, _RESULT, _FAILURE, _LOG = "job.npz", "result.npz", "failure.txt", "log.txt"
 
 
 class ChildFailure(RuntimeError):
-    """A child that left no result, with the kind of its end."""
+    """A child that left no result, with the kind of its end and the CPU seconds that it took."""
 
     def __init__(self, kind: Kind, reason: str, seconds: float) -> None:
         super().__init__(reason)
         self.kind = kind
         self.seconds = seconds
+
+
+class Clock:
+    """CPU [s] that children have taken together."""
+
+    seconds: float = 0.0
 
 
 def run_guarded(
@@ -54,14 +64,19 @@ def run_guarded(
     time_limit: float,
     memory_limit: int | None = None,
     progress: Progress | None = None,
+    clock: Clock | None = None,
+    hopeless: Callable[[str, float], bool] | None = None,
 ) -> Arrays:
     """Run a task of ``engines.TASKS`` in a child process and return its arrays.
 
     task: Name in ``engines.TASKS``.
     arrays, options: What the task gets: arrays by name, and values that JSON can carry.
-    time_limit: Seconds of wall clock after which the child is killed.
+    time_limit: Seconds of CPU after which the child is killed: no other work on the machine counts.
     memory_limit: Bytes of address space; by default three quarters of the machine's memory.
     progress: Called with (stage, seconds so far) while the child works.
+    clock: Goes on by the CPU seconds that the child takes.
+    hopeless: Called with all that the child has printed and its CPU seconds so far; whether to end
+        it.
     Raises ChildFailure: Where the child ran out of time or memory, crashed, or reported an error.
     """
     started = time.monotonic()
@@ -72,6 +87,7 @@ def run_guarded(
             ours, _ = resource.getrlimit(resource.RLIMIT_AS)
             memory_limit = int(share if ours == resource.RLIM_INFINITY else min(share, ours))
         job = {"task": task, "options": dict(options or {}), "memory": memory_limit}
+        job["seconds"] = ceil(time_limit)  # the kernel counts whole ones
         np.savez(folder / _JOB, **arrays, __job__=np.array(json.dumps(job)))  # type: ignore[arg-type]
         with (folder / _LOG).open("wb") as output:
             child = subprocess.Popen(
@@ -81,18 +97,19 @@ def run_guarded(
                 stderr=subprocess.STDOUT,
                 start_new_session=True,
             )
+        ended = used = None
         try:
-            while child.poll() is None:
+            while not (ended := os.wait4(child.pid, os.WNOHANG))[0]:
                 seconds = time.monotonic() - started
-                if seconds > time_limit:
-                    raise ChildFailure("time", f"no result within {time_limit:g} s", seconds)
+                if seconds > WAITING * max(time_limit, 1.0):
+                    raise ChildFailure("time", f"no result within {seconds:.0f} s", time_limit)
+                said = (folder / _LOG).read_bytes()[-MOST_SAID:].decode(errors="replace")
                 if progress is not None:
                     # What the child said it is doing: its last line of the form `stage: WORD`
-                    with (folder / _LOG).open("rb") as log_file:
-                        log_file.seek(max(0, log_file.seek(0, os.SEEK_END) - 4096))
-                        lines = log_file.read().decode(errors="replace").splitlines()
-                    stages = [line.partition("stage: ")[2] for line in lines if "stage: " in line]
-                    progress((stages[-1] if stages else "working"), seconds)
+                    stages = [line for line in said.splitlines() if line.startswith("stage: ")]
+                    progress(stages[-1].partition(" ")[2] if stages else "working", seconds)
+                if hopeless is not None and hopeless(said, taken := cpu_seconds(child.pid)):
+                    raise ChildFailure("time", f"given up after {taken:.0f} s of CPU", taken)
                 time.sleep(POLL)
         finally:
             # Kill the child and whatever it started; nothing is left behind
@@ -100,8 +117,26 @@ def run_guarded(
                 os.killpg(child.pid, signal.SIGKILL)
             except ProcessLookupError:
                 log.debug("the child process group had already ended")
-            child.wait()
-        return _result(child, folder, time.monotonic() - started)
+            if not ended or not ended[0]:
+                ended = os.wait4(child.pid, 0)
+            _, status, usage = ended
+            child.returncode = os.waitstatus_to_exitcode(status)
+            used = usage.ru_utime + usage.ru_stime
+            if clock is not None:
+                clock.seconds += used
+        if child.returncode == -signal.SIGXCPU:
+            raise ChildFailure("time", f"no result within {time_limit:.3g} s of CPU", used)
+        return _result(child, folder, used)
+
+
+def cpu_seconds(process: int) -> float:
+    """CPU [s] that a running process has taken; 0 where the system does not tell."""
+    try:
+        after_name = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
+    except OSError:
+        return 0.0
+    user, system = after_name[11:13]  # of proc(5), in ticks
+    return (int(user) + int(system)) / os.sysconf("SC_CLK_TCK")
 
 
 def _result(child: subprocess.Popen[bytes], folder: Path, seconds: float) -> Arrays:
@@ -127,6 +162,7 @@ def main(folder: Path, parent: int) -> int:
     arrays = load_npz(folder / _JOB)
     job = json.loads(str(arrays.pop("__job__")))
     guard(parent, job["memory"])
+    resource.setrlimit(resource.RLIMIT_CPU, (job["seconds"], job["seconds"] + 1))
     try:
         result = TASKS[job["task"]](arrays, **job["options"])
         np.savez(folder / "partial.npz", **result)  # type: ignore[arg-type]

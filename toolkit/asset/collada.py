@@ -12,7 +12,14 @@ import numpy as np
 from ...converters.registry import Format, Keeps
 from ...fem.errors import InputError
 from ...fem.note import Note
-from .formats import AssetContent, NamedSurface, References, parse_scene, refuse_entities
+from .formats import (
+    MADE_UP_NAME,
+    AssetContent,
+    NamedSurface,
+    References,
+    parse_scene,
+    refuse_entities,
+)
 
 KEY = "shown-"  # begins the id of the geometry of an instance
 
@@ -25,7 +32,7 @@ def read_collada(path: Path, data: bytes, references: References) -> AssetConten
 
     Raises InputError: Where the unit is no length, or a skin has no joints.
     """
-    from lxml import etree
+    from lxml import etree  # type: ignore[attr-defined]
     from trimesh.util import unique_name
 
     refuse_entities(path, data)
@@ -76,16 +83,18 @@ def read_collada(path: Path, data: bytes, references: References) -> AssetConten
                 instance.remove(skeleton)
         else:
             geometry = deepcopy(target)
+        shape = geometry.get("name") or ""
+        shape = geometry.get("id") if MADE_UP_NAME.fullmatch(shape) else shape
         own = unique_name(above[0] if above else "", called, counts=counts)
-        called[own] = names[key] = (own, geometry.get("name") or "", *above[1:])
+        called[own] = names[key] = (own, shape, *above[1:])
         geometry.set("id", key)
         instance.set("url", f"#{key}")
         library.append(geometry)
     scene = parse_scene(path, etree.tostring(root), references)
     surfaces = []
     for node in scene.graph.nodes_geometry:
-        matrix, name = scene.graph[node]
-        mesh = scene.geometry[name].copy()
+        matrix, geometry = scene.graph[node]
+        name, mesh = str(geometry), scene.geometry[geometry].copy()
         mesh.apply_transform(matrix)
         found = names.get(KEY + name.removeprefix(KEY).partition("_")[0], (name,))
         material = getattr(getattr(mesh.visual, "material", None), "name", None)

@@ -20,10 +20,6 @@ Arrays = dict[str, np.ndarray]
 CHORD, TURN = 0.01, 0.3
 
 
-class TooLong(RuntimeError):
-    """What would take longer than the caller wants to wait; known before it is begun."""
-
-
 # Triangles left alone by decimation from which fTetWild's own simplification pays: a non-manifold
 # pig of 18,000 takes 56 s with it and more than 200 s without, an elephant of 5,800 36 s and 41 s.
 MANY = 10_000
@@ -42,21 +38,20 @@ def tetwild(
     epsilon_rel: float,
     stop_energy: float,
     decimate_rel: float,
-    most_triangles: int | None = None,
 ) -> Arrays:
     """Fill the box around ``points`` (n, 3), ``faces`` (m, 3) of about unit size with fTetWild.
 
     The surface is first decimated within ``decimate_rel``, then simplified by fTetWild unless it is
-    one clean piece. Returns ``points`` and positively oriented ``tets`` that conform to it. Raises
-    ``TooLong`` where more than ``most_triangles`` are left for fTetWild.
+    one clean piece. Returns ``points`` and positively oriented ``tets`` that conform to it.
     """
     _stage("decimating")
     given = Triangles(arrays["points"], arrays["faces"])
     surface, pieces, left_alone = decimated(given, decimate_rel)
-    if most_triangles is not None and len(surface.faces) > most_triangles:
-        raise TooLong(f"{len(surface.faces):,} triangles are more than a minute of fTetWild")
     # Half of this process's start, and needed for pictures only: pytetwild does without.
     sys.modules.setdefault("pyvista", ModuleType("pyvista"))
+    # Its passes are told line by line: the parent foresees by them how long it will take.
+    libc = ctypes.CDLL(None)
+    libc.setvbuf(ctypes.c_void_p.in_dll(libc, "stdout"), None, 1, 0)  # _IOLBF of stdio.h
     pytetwild: Any = importlib.import_module("pytetwild")  # its stubs want narrower arrays
 
     _stage("tetrahedralizing")
@@ -73,6 +68,7 @@ def tetwild(
         disable_filtering=True,
         num_threads=1,
         vtk_ordering=True,
+        quiet=False,
         **sizing,
     )
     return {"points": np.asarray(points, np.float64), "tets": np.asarray(tets, np.int32)}

@@ -61,10 +61,10 @@ def read_scene(path: Path, data: bytes, references: References) -> AssetContent:
     return AssetContent(surfaces, metres=metres, up_guess="y", warnings=warnings)
 
 
+FBX = Format("FBX", (".fbx",), read=read_scene, keeps=frozenset({Keeps.UNIT, Keeps.PARTS}))
 SCENE = Format(
-    "FBX and other scenes", (".fbx", ".3ds", ".x3d", ".lwo"), read=read_scene,
-    keeps=frozenset({Keeps.PARTS}),
-)  # fmt: skip
+    "other scenes", (".3ds", ".x3d", ".lwo"), read=read_scene, keeps=frozenset({Keeps.PARTS})
+)
 
 
 # CAD by OpenCASCADE, of the extra ``cad``: bodies as glTF, with the names of their products.
@@ -115,7 +115,7 @@ def _bodies(mesh: trimesh.Trimesh) -> list[trimesh.Trimesh]:
         boxes = [(body[0].bounds, body) for body in bodies]
         around = [body for (a, b), body in boxes if (a <= low).all() and (b >= high).all()]
         min(around or bodies, key=lambda body: body[0].volume).append(hole)
-    return [concatenate(body) if len(body) > 1 else body[0] for body in bodies]
+    return [concatenate(body) if len(body) > 1 else body[0] for body in bodies]  # type: ignore[return-value]
 
 
 CAD = Format(

@@ -8,12 +8,14 @@ from __future__ import annotations
 import hashlib
 import io
 import logging
+import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 from urllib.parse import unquote
 
 import numpy as np
 
+from ...converters.points.views import Pruning
 from ...converters.registry import Format
 from ...fem.errors import AutophyxError, InputError
 from ...fem.note import Note
@@ -37,13 +39,20 @@ ASSET_FORMATS: Registry[Format] = Registry(
         ".gltf": "gltf:GLTF",
         ".3mf": "threemf:THREEMF",
         ".dae": "collada:COLLADA",
-        **dict.fromkeys((".fbx", ".3ds", ".x3d", ".lwo"), "foreign:SCENE"),
+        ".fbx": "foreign:FBX",
+        **dict.fromkeys((".3ds", ".x3d", ".lwo"), "foreign:SCENE"),
         **dict.fromkeys((".step", ".stp", ".iges", ".igs"), "foreign:CAD"),
         **dict.fromkeys((".splat", ".spz", ".ksplat"), "readers:CARRIER"),
         **dict.fromkeys((".npz", ".nvdb", ".ingp", ".msgpack"), "readers:CARRIER"),
         **dict.fromkeys((".pt", ".pth", ".ckpt", ".safetensors"), "readers:CARRIER"),
         **dict.fromkeys((".xyz", ".pcd", ".las", ".laz"), "readers:CARRIER"),
     },
+)
+
+
+# Names that exporters and loaders make up for things that have none; long numbers are of them.
+MADE_UP_NAME = re.compile(
+    r"(geometry|node|mesh|gltf|default|world|none|\W|_|\d)*|[0-9a-f]{16,}", re.IGNORECASE
 )
 
 
@@ -86,11 +95,13 @@ class References:
     ``warnings`` a sentence for each reference that was missing, refused or too large.
 
     folder: The folder of the asset; a reference that leads out of it is refused.
+    pruning: Which splats are matter.
     """
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, *, pruning: Pruning | None = None) -> None:
         self.folder = folder.resolve()
         self.found: dict[str, bytes] = {}
+        self.pruning = pruning or Pruning()
         self.warnings: list[str] = []
 
     def get(self, name: str) -> bytes:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -11,12 +10,20 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from ...converters.points.views import Pruning
 from ...fem.errors import InputError, NoVolumeError, UsageError
 from ...fem.mesh import USUAL_SIZE
 from ...predictors.asset import Asset, Part, UpAxis
 from . import Unit
 from .child import ChildFailure, run_guarded
-from .formats import ASSET_FORMATS, AssetContent, NamedSurface, References, read_content
+from .formats import (
+    ASSET_FORMATS,
+    MADE_UP_NAME,
+    AssetContent,
+    NamedSurface,
+    References,
+    read_content,
+)
 from .triangles import Places
 
 if TYPE_CHECKING:
@@ -39,8 +46,6 @@ UNREAD = {
     **dict.fromkeys((".zip", ".rar", ".7z", ".gz"), "unpack it first"),
 }
 MOST_NOTE = 4 << 20  # bytes: a web page or a pointer is smaller
-# Names that exporters and loaders make up for things that have none.
-MADE_UP_NAME = re.compile(r"(geometry|node|mesh|gltf|default|world|none|\W|_|\d)*", re.IGNORECASE)
 
 
 def load_asset(
@@ -49,6 +54,8 @@ def load_asset(
     size: float | None = None,
     units: Unit | None = None,
     up: UpAxis | None = None,
+    opacity: float | None = None,
+    crop: str | None = None,
 ) -> Asset:
     """Load a surface or a point cloud; every named node, group or material becomes a part [m].
 
@@ -62,7 +69,11 @@ def load_asset(
         Unit of the file's numbers. Without ``size`` and ``units`` glTF is metres, others are taken
         as metres with a warning.
     up
-        Axis that points up: by default y for glTF and OBJ, z with a warning for others.
+        Axis that points up: by default y for glTF and OBJ, -y with a warning for splats, z for
+        others.
+    opacity, crop
+        Least opacity [1] of splats that are matter, and the box "x,y,z,x,y,z" in the file's units
+        that they lie in.
 
     Returns
     -------
@@ -89,7 +100,7 @@ def load_asset(
     _check_scale(size, units)
     _check_path(path)
     data = path.read_bytes()
-    references = References(path.parent)
+    references = References(path.parent, pruning=_pruning(opacity, crop))
     content = read_content(path, data, references)
     if not content.surfaces and content.cloud is not None:
         content = reconstructed(path, content)
@@ -151,7 +162,8 @@ def scaled(
     _check_scale(size, units)
     warnings = list(asset.warnings)
     if up is None and not stated.up:
-        warnings.append(f"the file does not say which axis is up: taken as +{asset.up.upper()}")
+        axis = asset.up.upper() if "-" in asset.up else f"+{asset.up.upper()}"
+        warnings.append(f"the file does not say which axis is up: taken as {axis}; --up sets it")
     longest = float(asset.size.max())
     if size is not None:
         factor = size / longest
@@ -179,6 +191,18 @@ def scaled(
     for sentence in warnings:
         log.info("%s: %s", asset.source, sentence)
     return replace(asset, metres_per_unit=float(factor), warnings=tuple(warnings))
+
+
+def _pruning(opacity: float | None, crop: str | None) -> Pruning:
+    if opacity is not None and not 0 <= opacity < 1:
+        raise UsageError("load.opacity", opacity=opacity)
+    try:
+        box = None if crop is None else np.array(crop.split(","), np.float64).reshape(2, 3)
+    except ValueError:
+        box = np.full((2, 3), np.nan)
+    if box is not None and not (box[0] < box[1]).all():
+        raise UsageError("load.crop", crop=crop)
+    return Pruning(crop=box) if opacity is None else Pruning(opacity, box)
 
 
 def _check_scale(size: float | None, units: Unit | None) -> None:

@@ -14,10 +14,11 @@ from ...converters.grids import density_surface, read_density
 from ...converters.points.gaussians import sound_splats
 from ...converters.points.ply import listed, parse_ply, ply_points
 from ...converters.points.table import PointTable, read_points
-from ...converters.points.views import splat_surface
+from ...converters.points.views import Pruning, splat_body
 from ...converters.registry import Format, Keeps
 from ...fem.errors import InputError
 from ...fem.note import Note
+from ...predictors.asset import UpAxis
 from .formats import AssetContent, NamedSurface, References, decoded
 
 if TYPE_CHECKING:
@@ -139,7 +140,8 @@ def read_carrier(path: Path, data: bytes, references: References) -> AssetConten
     Our own archive of a density grid is metres by contract; nothing else names its unit.
     """
     if not is_density(path):
-        return points_content(read_points(path))
+        up = "y" if path.suffix.lower() == ".spz" else "-y"  # its specification says y up
+        return points_content(read_points(path), references.pruning, up=up)
     grid = read_density(path)
     surface = NamedSurface(density_surface(grid))
     cells = " × ".join(map(str, grid.density.shape))
@@ -147,15 +149,19 @@ def read_carrier(path: Path, data: bytes, references: References) -> AssetConten
     return AssetContent([surface], metres=metres, samples=f"a grid of {cells} cells")
 
 
-def points_content(table: PointTable) -> AssetContent:
-    """Surface through splats, or the finite points of a cloud."""
+def points_content(table: PointTable, pruning: Pruning, *, up: UpAxis = "-y") -> AssetContent:
+    """Surface through splats, or the finite points of a cloud.
+
+    y points down in COLMAP, by whose cameras most splats are trained.
+    """
     if table.is_splat:
         sound, warnings = sound_splats(table)
         if not sound.any():
             raise InputError("readers.no_splats", count=len(table))
-        surface = NamedSurface(splat_surface(table.only(sound)))
+        surface, told = splat_body(table.only(sound), pruning)
         samples = f"{int(sound.sum()):,} Gaussians"
-        return AssetContent([surface], samples=samples, warnings=tuple(warnings))
+        notes = (*warnings, *told)
+        return AssetContent([NamedSurface(surface)], up_guess=up, samples=samples, warnings=notes)
     finite = np.isfinite(table.positions).all(axis=1)
     lost = int((~finite).sum())
     warnings = (Note("readers.not_finite", lost=lost, count=len(table)),) if lost else ()
@@ -173,11 +179,13 @@ CARRIER = Format("splats, cloud or density grid", (*_SPLATS, *_GRIDS, *_CLOUDS),
 def read_ply_surface(path: Path, data: bytes, references: References) -> AssetContent:
     """Read polygons as fans, strips as triangles; of a file without both its points."""
     import trimesh
+    from trimesh.visual import ColorVisuals, TextureVisuals
+    from trimesh.visual.material import SimpleMaterial
 
     ply = parse_ply(data)
     table = ply_points(ply)
     if table.is_splat:
-        return points_content(table)
+        return points_content(table, references.pruning)
     faces, skin, colours = [np.zeros((0, 3), np.int64)], [], []
     lists = listed(ply)
     for rows in lists.get("face", ()):
@@ -202,14 +210,12 @@ def read_ply_surface(path: Path, data: bytes, references: References) -> AssetCo
                 faces.append(trimesh.util.triangle_strips_to_faces(strips))
     points, faces = table.positions, np.concatenate(faces)
     if not len(faces):
-        return points_content(table)
+        return points_content(table, references.pruning)
     mesh = trimesh.Trimesh(points, faces, process=False, validate=False)
-    channels = [table.columns.get(name) for name in ("red", "green", "blue")]
+    channels = [table.columns[name] for name in ("red", "green", "blue") if name in table.columns]
     image = _ply_texture(ply.comments, references)
-    uv = [table.columns.get(name) for name in UV if name in table.columns][:2]
+    uv = [table.columns[name] for name in UV if name in table.columns][:2]
     if image is not None and (sum(map(len, skin)) == 3 * len(faces) or len(uv) == 2):
-        from trimesh.visual.material import SimpleMaterial
-
         if len(uv) == 2:
             places = np.column_stack(uv)
         else:  # places of the corners of faces: a vertex for each
@@ -217,11 +223,11 @@ def read_ply_surface(path: Path, data: bytes, references: References) -> AssetCo
             corners = points[faces].reshape(-1, 3)
             mesh = trimesh.Trimesh(corners, flat, process=False, validate=False)
             places = np.concatenate(skin)
-        mesh.visual = trimesh.visual.TextureVisuals(uv=places, material=SimpleMaterial(image=image))
-    elif all(channel is not None for channel in channels):
-        mesh.visual = trimesh.visual.ColorVisuals(mesh, vertex_colors=np.column_stack(channels))  # type: ignore[arg-type]
+        mesh.visual = TextureVisuals(uv=places, material=SimpleMaterial(image=image))
+    elif len(channels) == 3:
+        mesh.visual = ColorVisuals(mesh, vertex_colors=np.column_stack(channels))
     elif sum(map(len, colours)) == len(faces):
-        mesh.visual = trimesh.visual.ColorVisuals(mesh, face_colors=np.concatenate(colours))
+        mesh.visual = ColorVisuals(mesh, face_colors=np.concatenate(colours))
     return AssetContent([NamedSurface(mesh)])
 
 

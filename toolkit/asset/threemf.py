@@ -100,10 +100,11 @@ class _Package:
         self.left: Counter[str] = Counter()
         self.warnings: list[str] = []
         self.volumes = self._volumes()
+        self.colours: dict[str, list[int]] = {}
         self._called: Counter[str] = Counter()
 
     def _xml(self, name: str) -> Any:
-        from lxml import etree
+        from lxml import etree  # type: ignore[attr-defined]
 
         member = self.names.get(name.lstrip("/").lower())
         if member is None:
@@ -155,6 +156,10 @@ class _Package:
             group.get("id"): tuple(base.get("name", "") for base in group)
             for group in model.iterfind("{*}resources/{*}basematerials")
         }
+        for base in model.iterfind("{*}resources/{*}basematerials/{*}base"):
+            colour = (base.get("displaycolor") or "").lstrip("#").ljust(8, "F")
+            if len(colour) == 8:
+                self.colours[base.get("name", "")] = list(bytes.fromhex(colour))
         objects = self.objects[name] = {}
         for found in model.iterfind("{*}resources/{*}object"):
             extra = {str(e.tag).partition("}")[2] for e in found.iterfind("{*}mesh/*")}
@@ -198,6 +203,8 @@ class _Package:
     ) -> Iterator[NamedSurface]:
         """Surfaces of an object and of its components, where they are put."""
         import trimesh
+        from trimesh.visual import TextureVisuals
+        from trimesh.visual.material import SimpleMaterial
 
         file = posixpath.join("/", file)
         if len(above) > DEEPEST:
@@ -237,6 +244,9 @@ class _Package:
                 faces = turned[own][found.material[own] == material]
                 mesh = trimesh.Trimesh(points, faces, process=False, validate=False)
                 label = found.materials[material] if material >= 0 else None
+                if label in self.colours:
+                    look = SimpleMaterial(name=label, diffuse=self.colours[label])
+                    mesh.visual = TextureVisuals(material=look)
                 yield NamedSurface(mesh, (called, *names), label)
 
 

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ...fem.errors import NoVolumeError, UsageError
-from ...fem.mesh import TetMesh
+from ...fem.mesh import TetMesh, signed_volumes
 from ...predictors.asset import Asset, Part
 from ..asset.cache import Runner
 from ..asset.child import ChildFailure, Progress
@@ -20,10 +20,12 @@ from ..asset.repair import WELD_REL, Closing, RepairReport, repair
 from ..asset.solids import Shell, Solids, hollowed, sheet_faces, thickened
 from ..asset.surface import Surface
 from ..asset.triangles import Triangles, closest, edge_components, enclosed_volume
-from .ftetwild import EngineTarget, Filling, LatticeFit, NoFilling
+from .floaters import SPECK, without_floaters
+from .ftetwild import FORESEEN, EngineTarget, Filling, LatticeFit, NoFilling
 from .guarantees import (
     BROKEN,
     ENVELOPE_SHARE,
+    LATTICE_VOLUME,
     LEFT_OUT,
     MOST_LOST,
     Attempt,
@@ -42,12 +44,18 @@ from .guarantees import (
     lattice_guarantees,
     losses,
     measure_distances,
+    mesh_losses,
 )
-from .meshers import AUTO, FTETWILD, MESHERS, QUICK_TRIANGLES, STUFFING, chosen_mesher
+from .meshers import AUTO, FTETWILD, MESHERS, STUFFING, chosen_mesher
 from .messages import differences, left_out, likely_hollow, listed, no_mesh, no_volume, said
 from .quality import Quality, quality
 from .stuffing.mesher import resolving
+from .stuffing.pieces import pieces_of
 
+# Of the surface through splats or points: a body that lacks more of it is another one.
+MOST_GUESSED = 0.4
+# Of the volume: pieces of such a body that a lattice may cut off; told, as they may be real.
+SCATTERED = 0.25
 # What a lattice may miss without a warning.
 BAD_VOLUME = 0.01  # relative error of a part's volume in a lattice
 CLOSED_SURFACE = 1e-3  # share of all surface from which tets reach over a gap: four rays
@@ -71,6 +79,8 @@ def tetrahedralize(
     time_limit: float = 300.0,
     memory_limit: int | None = None,
     accept_broken: bool = False,
+    keep: str | None = None,
+    first: Callable[[TetMesh], None] | None = None,
     cache: Path | None = None,
     seed: int = 0,
     progress: Progress | None = None,
@@ -89,16 +99,19 @@ def tetrahedralize(
         material.
     stop_energy, time_limit, memory_limit: AMIPS energy at which the engine is content with the
         tets' shape, 3 is the optimum; seconds and bytes that one attempt may take.
+    keep, first: Loose pieces that stay, as ``without_floaters`` takes them; called with a lattice,
+        once, where fTetWild takes more than ``FORESEEN`` seconds.
     accept_broken, cache, seed, progress: Return the best mesh, with warnings, where none keeps its
         guarantees; folder of results; seed of the samples that check; called with (stage, seconds)
         meanwhile.
     Raises NoVolumeError where no part encloses a volume or no mesh keeps its guarantees.:
     """
+    asset, floaters, floating = without_floaters(asset, keep)
     diagonal, rng = float(np.linalg.norm(asset.size)), np.random.default_rng(seed)
     rel = edge_length_rel if edge_length is None else edge_length / diagonal
     target = EngineTarget.of(
         diagonal, rel, epsilon_rel, stop_energy=stop_energy, layers=layers, max_tets=max_tets,
-        sharp=not asset.sampled, most_triangles=QUICK_TRIANGLES if mesher == AUTO else None,
+        sharp=not asset.sampled, hurried=mesher == AUTO,
     )  # fmt: skip
     names, by_name = asset.part_names, dict(part_wall or {})
     if unknown := [name for name in by_name if name not in names]:
@@ -118,23 +131,42 @@ def tetrahedralize(
     ready = preparation.prepared(epsilon=target.epsilon, rng=rng)
     if not ready.solids.shells:
         raise NoVolumeError(no_volume(asset, target.envelope))
+    scattered = asset.sampled and ready.losses.lost_area > MOST_GUESSED
+    if scattered and not accept_broken:
+        raise NoVolumeError("messages.scattered", name=asset.name, share=ready.losses.lost_area)
     if not (ready.losses.bearable or accept_broken):
         raise NoVolumeError(left_out(asset, ready.losses, target.envelope))
     volume = input_volume(ready.solids, len(asset.parts), rng=rng)
-    automatic = mesher == AUTO
     name = chosen_mesher(mesher, sampled=asset.sampled or ready.closing.whole)
     problem = Problem(asset, ready, volume, target, runner, rng, name, max_tets)
-    free = replace(problem, target=target.unless_finer(volume.total))
-    best, attempts = mesh_within(free if automatic and not asset.sampled else problem)
-    if automatic and asset.sampled and target.edge_is_given and (best is None or best.broken):
+    centre = asset.bounds.mean(axis=0)
+    if first is not None and name == AUTO:
+        waiting = [first]
+
+        def meanwhile(seconds: float) -> None:
+            """Show a lattice once, in what time fTetWild still takes."""
+            if seconds > FORESEEN and waiting:
+                show, guess = waiting.pop(), replace(problem, rng=np.random.default_rng(seed))
+                made, _ = _tried(guess, *next(_lattices(guess)))
+                if made is not None:
+                    show(replace(made.mesh, points=made.mesh.points + centre))
+
+        problem = replace(problem, runner=replace(runner, meanwhile=meanwhile))
+    best, attempts = mesh_within(problem)
+    tried = target.edge_is_given and any(attempt.engine == STUFFING for attempt in attempts)
+    if mesher == AUTO and tried and (best is None or best.broken):
         # Guarantees before the edge that the lattice was to have
-        finer, more = mesh_within(free)
-        best = finer if best is None or (finer and not finer.broken) else best
+        free = replace(problem, target=target.unless_finer(volume.total), mesher=STUFFING)
+        other, more = mesh_within(free)
+        best = other if best is None or (other and not other.broken) else best
         attempts += more
     if best is None or (best.broken and not accept_broken):
         raise NoVolumeError(no_mesh(asset, attempts))
     report = _report(problem, best, attempts, solid, seed)
-    mesh = replace(best.mesh, points=best.mesh.points + asset.bounds.mean(axis=0))
+    lattice = target.edge_is_given and best.filling.lattice is not None
+    finer = lattice and report.edge_length < target.edge_length
+    report = replace(report, floaters=floaters, floating=floating, finer=finer)
+    mesh = replace(best.mesh, points=best.mesh.points + centre)
     sentences = said(report, layers, max_tets)
     return mesh, replace(report, warnings=sentences, differences=differences(report))
 
@@ -153,6 +185,7 @@ def _report(
     sheets = tuple(names[i] for i in ready.solids.sheets if names[i] in missing)
     tets = np.bincount(mesh.region, minlength=len(mesh.region_names)).tolist()
     volumes = mesh.region_volumes().tolist()
+    boxes = [np.array(part.mesh.bounds) for part in ready.preparation.parts]
     by_part = dict(zip(names, problem.volume.by_part.tolist(), strict=True))
     fit = filling.lattice or LatticeFit({}, {}, {}, {})
 
@@ -167,7 +200,8 @@ def _report(
         regions=tuple(
             Region(name, count, volume, by_part[name])
             for name, count, volume in zip(mesh.region_names, tets, volumes, strict=True)
-        ),
+        )
+        + tuple(Region(name, 0, 0.0, by_part[name]) for name in missing),
         diagonal=filling.target.diagonal,
         edge_length=filling.target.edge_length,
         epsilon=made.epsilon,
@@ -183,6 +217,10 @@ def _report(
         fallen_apart=named(fit.parted_shares),
         closed_gaps=named(fit.closed_shares, CLOSED_SURFACE),
         losses=ready.losses,
+        part_losses=tuple(
+            replace(one, place=tuple(np.array(one.place) + asset.bounds.mean(axis=0)))
+            for one in mesh_losses(ready.file, mesh, names, boxes)
+        ),
         sheets=sheets,
         thin=thin,
         lost=tuple(name for name in missing if name not in sheets),
@@ -206,7 +244,9 @@ TIGHTER_START = 10.0  # s that it may take in any case
 # square of the edge, those of a thick one with the cube.
 BUDGET_ROUNDS, BUDGET_MARGIN = 4, 1.1
 FINER = (1.6, 2.2)  # divide the edge of a lattice too coarse for a body: 4 and 11 times the tets
-WHOLE_TETS = 250_000  # that a lattice may have to keep in one piece what a coarser one cut apart
+WHOLE_TETS = 250_000  # that a lattice of no given edge may have, whatever it cuts apart
+FULLER = 1.25  # times the tets that were wanted a lattice of thin parts has
+PARTED = 0.005  # of a part's volume that may come off before a lattice is made finer: crumbs
 NO_REPAIR_HELPS = ("time", BROKEN)  # such outcomes are the same with vertices welded harder
 WRAP_ALPHA_REL = 0.02  # share of the diagonal: holes below this size are bridged
 WRAP_VOLUME_TOLERANCE = 0.1  # a wrap that changes the volume by more is a shell, not the solid
@@ -231,7 +271,8 @@ class Made(NamedTuple):
     def parted(self) -> float:
         """Largest share of a part's volume that a lattice too coarse for it has cut off."""
         lattice = self.filling.lattice
-        return 0.0 if lattice is None else max(lattice.parted_shares.values(), default=0.0)
+        most = 0.0 if lattice is None else max(lattice.parted_shares.values(), default=0.0)
+        return most if most > PARTED else 0.0
 
     @property
     def rank(self) -> tuple[int, float, float]:
@@ -257,7 +298,20 @@ class Problem:
     max_tets: int | None
 
     def judged(self, filling: Filling, epsilon: float) -> Made:
-        """Measure a filling of the solids and hold it against ``epsilon`` [m]."""
+        """Measure a filling of the solids and hold it against ``epsilon`` [m].
+
+        Of surfaces that are samples specks of tets are left out: their thin places are noise.
+        """
+        if self.asset.sampled and filling.lattice is not None:
+            piece, volumes = pieces_of(filling.mesh.tets), signed_volumes(*filling.mesh[:2])
+            size = np.bincount(piece, weights=volumes)
+            kept = (size >= SPECK * size.sum())[piece]
+            used, tets = np.unique(filling.mesh.tets[kept], return_inverse=True)
+            mesh = filling.mesh._replace(
+                points=filling.mesh.points[used], tets=tets.reshape(-1, 4).astype(np.int32),
+                origin=filling.mesh.origin[kept],
+            )  # fmt: skip
+            filling = filling._replace(mesh=mesh, part=filling.part[kept])
         names = self.asset.part_names
         present, region = np.unique(filling.part, return_inverse=True)
         mesh = TetMesh(
@@ -278,7 +332,8 @@ class Problem:
             volumes = dict(zip(mesh.region_names, mesh.region_volumes().tolist(), strict=True))
             parted = filling.lattice.parted_shares.items()
             off = sum(share * volumes[names[part]] for part, share in parted)
-            kept = lattice_guarantees(mesh, measured, self.volume, off)
+            most = SCATTERED if self.asset.sampled else LATTICE_VOLUME
+            kept = lattice_guarantees(mesh, measured, self.volume, off, most)
         return Made(filling, mesh, distances, measured, kept, epsilon)
 
 
@@ -308,8 +363,8 @@ def make_mesh(problem: Problem) -> tuple[Made | None, tuple[Attempt, ...]]:
 
     A mesh counts at the epsilon of its own attempt, which is what the report states. After a
     time-out or a broken guarantee the coarser ones are next: more repair helps neither. A lattice
-    that cuts a thin part into pieces is followed by finer ones of ``WHOLE_TETS`` at most, and by
-    one that joins what touches. Where every mesh breaks a guarantee, the best one is returned.
+    that cuts more than ``PARTED`` off a thin part is followed by finer ones, and by one that joins
+    what touches. Where every mesh breaks a guarantee, the best one is returned.
     """
     record: list[Attempt] = []
     best: Made | None = None
@@ -319,12 +374,9 @@ def make_mesh(problem: Problem) -> tuple[Made | None, tuple[Attempt, ...]]:
         same = engine != STUFFING and aim is problem.target
         if record and same and record[-1].outcome.startswith(NO_REPAIR_HELPS):
             continue
-        if best is not None and not best.broken:
-            if engine != STUFFING:
-                break
-            if not aim.beads and aim.tets > WHOLE_TETS:
-                continue  # too fine to keep a part in one piece; beads may join it
-        made, attempt = _tried(problem, engine, aim, prepare, problem.runner)
+        if best is not None and not best.broken and engine != STUFFING:
+            break
+        made, attempt = _tried(problem, engine, aim, prepare)
         record.append(attempt)
         if made is None:
             continue
@@ -333,10 +385,9 @@ def make_mesh(problem: Problem) -> tuple[Made | None, tuple[Attempt, ...]]:
             # In a narrower envelope, for spikes and corners that this one cut off. It may take a
             # few times as long: an improvement, not worth a long wait.
             limit = TIGHTER_START + TIGHTER_TIME * attempt.seconds
-            runner = replace(problem.runner, time_limit=min(problem.runner.time_limit, limit))
-            tighter = replace(aim, epsilon_rel=aim.epsilon_rel / TIGHTER)
+            tighter = replace(aim, epsilon_rel=aim.epsilon_rel / TIGHTER, most_seconds=limit)
             again, attempt = _tried(
-                problem, "tetwild", tighter, lambda: problem.ready.solids, runner, made.epsilon
+                problem, "tetwild", tighter, lambda: problem.ready.solids, made.epsilon
             )
             record.append(attempt)
             worst = len(made.broken), max(made.distances.largest, made.epsilon)
@@ -353,20 +404,19 @@ def _tried(
     engine: Engine,
     aim: EngineTarget,
     prepare: Callable[[], Solids],
-    runner: Runner,
     epsilon: float | None = None,
 ) -> tuple[Made | None, Attempt]:
     """One attempt, judged at ``epsilon`` [m], by default its own; None where it gave no mesh."""
-    started, filling = time.monotonic(), None
+    started, filling = time.process_time() + problem.runner.clock.seconds, None
     try:
         mesher = MESHERS[STUFFING if engine == STUFFING else FTETWILD]
-        filling = mesher(prepare(), aim, runner)
+        filling = mesher(prepare(), aim, problem.runner)
         outcome, aim = "ok", filling.target
     except ChildFailure as failure:
         outcome = f"{failure.kind}: {failure}"
     except NoFilling as failure:
         outcome = f"rejected: {failure}"
-    seconds = time.monotonic() - started
+    seconds = time.process_time() + problem.runner.clock.seconds - started
     log.info("%s: %s after %.1f s", engine, outcome, seconds)
     made = None
     if filling is not None:
@@ -419,16 +469,17 @@ def _lattices(problem: Problem) -> Iterator[Way]:
     Surfaces that are samples have thin places by their noise: they get no finer one for these, and
     no beads.
     """
-    first, solids = problem.target, problem.ready.solids
+    first, solids, most = problem.target, problem.ready.solids, int(WHOLE_TETS / FULLER)
     free = problem.max_tets is None and not first.edge_is_given
     if free and first.sharp:
-        first = resolving(solids, first, most=WHOLE_TETS)
+        first = resolving(solids, first, most=most)
     yield STUFFING, first, lambda: solids
     for factor in FINER if free else ():
         aim = problem.target.coarser(1 / factor)
+        aim = replace(aim, tets=min(aim.tets, most))
         if aim.tets > first.tets:
             yield STUFFING, aim, lambda: solids
-            first = aim if aim.tets <= WHOLE_TETS else first
+            first = aim
     if first.sharp:
         yield STUFFING, replace(first, beads=True), lambda: solids
 
@@ -502,7 +553,7 @@ class Preparation:
             if tried and lost.gained > max(tried[0].losses.gained, MOST_GAINED):
                 continue
             reference = file.surface.read if self.thicken is None else None
-            tried.append(Prepared(solids, repaired, lost, self, closing, reference))
+            tried.append(Prepared(solids, repaired, lost, self, closing, reference, file))
             if lost.bearable:
                 break
         best = min(tried, key=lambda one: one.losses.lost)
@@ -534,3 +585,4 @@ class Prepared:
     preparation: Preparation
     closing: Closing
     reference: Surface | None
+    file: FileSamples

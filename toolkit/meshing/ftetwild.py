@@ -34,6 +34,9 @@ TETS_PER_CUBE = 12  # of a body-centred lattice, in a cube of its long edge
 COARSEST_EDGE_REL, COARSEST_EPSILON_REL = 0.5, 2e-2
 MOST_LAYERS = 8  # more are 64 times the tets and more of a plate
 DECIMATED_SHARE = 0.25  # of epsilon: how far the surface that the engine gets is off the input
+# CPU seconds that fTetWild may take where a lattice will do, those after which what is to come is
+# foreseen, and the passes that most bodies need: after the first two or three few tets are bad.
+HURRIED, FORESEEN, PASSES = 60.0, 10.0, 4
 OUTSIDE, NEAR = -1, -2  # labels of points in no part, and of those near the input's surface
 CONFORMING_ROUNDS = 5  # relabelled tets show new vertices; crumbs are one or two tets wide
 
@@ -44,8 +47,8 @@ class EngineTarget:
 
     ``layers`` of tets are wanted through thin places; 1 leaves the edge as it is. A lattice has
     that edge where it ``edge_is_given``, else one that gives about ``tets``; it keeps ``sharp``
-    edges of the input, and with ``beads`` joins bodies that touch in it. The engine gives up at
-    once on more than ``most_triangles``, decimated.
+    edges of the input, and with ``beads`` joins bodies that touch in it. The engine gives up after
+    ``most_seconds`` of CPU; if it is ``hurried``, also where it foresees more than ``HURRIED``.
     """
 
     diagonal: float
@@ -57,7 +60,8 @@ class EngineTarget:
     tets: int = LATTICE_TETS
     sharp: bool = True
     beads: bool = False
-    most_triangles: int | None = None
+    most_seconds: float = np.inf
+    hurried: bool = False
 
     @classmethod
     def of(
@@ -173,8 +177,9 @@ def run_engine(solids: Solids, target: EngineTarget, runner: Runner) -> Filling:
             "epsilon_rel": target.envelope / scale,
             "stop_energy": target.stop_energy,
             "decimate_rel": DECIMATED_SHARE * target.epsilon / scale,
-            "most_triangles": target.most_triangles,
         },
+        most=target.most_seconds,
+        hopeless=hopeless if target.hurried else None,
     )
     where = box["points"] * scale + centre
     part = solids.label(where[box["tets"]].mean(axis=1))
@@ -191,6 +196,15 @@ def run_engine(solids: Solids, target: EngineTarget, runner: Runner) -> Filling:
     return kept(part)._replace(
         by_cells=lambda: kept(by_cells(where, box["tets"], part, solids, target.envelope))
     )
+
+
+def hopeless(said: str, seconds: float) -> bool:
+    """Whether fTetWild takes longer than ``HURRIED``, by its passes so far and its CPU ``seconds``.
+
+    What comes before the first pass, simplifying and inserting the surface, counts as one.
+    """
+    passes = said.count("/ pass ") + 1
+    return seconds > FORESEEN and seconds * max(PASSES / passes, 1.0) > HURRIED
 
 
 def by_cells(

@@ -23,8 +23,6 @@ class Mesher(Protocol):
 
 # Stuffing for surfaces that are samples themselves, and where fTetWild takes too long.
 AUTO = "auto"
-# fTetWild takes 1.5 to 4 ms for each triangle that decimation leaves of a scan: here, up to 60 s.
-QUICK_TRIANGLES = 15_000
 FTETWILD, STUFFING = "ftetwild", "stuffing"
 MESHERS: Registry[Mesher] = Registry(
     "mesher",

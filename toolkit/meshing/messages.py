@@ -10,7 +10,15 @@ from ...predictors.asset import Asset
 from ...predictors.construction import IN_ITS_SHAPE, head_of_name, kinds_named
 from ..asset.repair import MOST_CROSSED
 from ..asset.solids import hull_fraction
-from .guarantees import BROKEN, MOST_LOST, SHARE_TOLD, Attempt, ConversionReport, FileLosses
+from .guarantees import (
+    BROKEN,
+    LOSS_TOLD,
+    MOST_LOST,
+    SHARE_TOLD,
+    Attempt,
+    ConversionReport,
+    FileLosses,
+)
 from .meshers import STUFFING
 
 MOST = 5  # names that a sentence lists
@@ -22,8 +30,18 @@ def said(report: ConversionReport, layers: int = 1, max_tets: int | None = None)
     """Sentences about whatever a user would not expect who asked for so many layers and tets."""
     losses, distances, lattice = report.losses, report.distances, report.mesher == STUFFING
     told: list[str] = [Note("messages.whole")] if report.whole else []
-    if distances.bridged_share > SHARE_TOLD:
-        told.append(Note("messages.bridged", share=distances.bridged_share))
+    holes, share = report.repair.closed_holes, distances.bridged_share
+    if share > SHARE_TOLD:
+        told.append(Note("messages.bridged", share=share))
+    elif holes and not report.whole:
+        told.append(Note("messages.holes", holes=holes))
+    if report.floaters:
+        share = report.floating
+        told.append(Note("messages.floaters", count=report.floaters, share=share))
+    if report.losses.swallowed:
+        told.append(Note("messages.swallowed", parts=listed(report.losses.swallowed)))
+    if pinched := report.quality.boundary.pinched_vertices:
+        told.append(Note("messages.pinched", count=pinched))
     if losses.capped > MOST_LOST:
         least = (1 - losses.capped) * report.input_volume
         got = report.quality.volume
@@ -39,6 +57,8 @@ def said(report: ConversionReport, layers: int = 1, max_tets: int | None = None)
         )
         if far > edge:
             told.append(Note("messages.far", start=ends[0], end=ends[1], far=far, edge=edge))
+        if report.finer:
+            told.append(Note("messages.finer", edge=edge))
         if layers > 1:
             told.append(Note("messages.layers_of_lattice"))
     told += differences(report)
@@ -67,8 +87,10 @@ def differences(report: ConversionReport) -> tuple[str, ...]:
     thinnest = f"the lattice's edge ({report.epsilon:.3g} m)"
     if report.mesher != STUFFING:
         finer, thinnest = "a smaller --epsilon-rel", f"epsilon ({report.epsilon:.3g} m)"
+    if report.part_losses:
+        told.append(Note("messages.part_losses", parts=_places(report), finer=finer))
     for what, shares, form in (
-        ("volumes are off", report.off_volume, "+.1%"),
+        ("volumes are off", [one for one in report.off_volume if one[1] > 0], "+.1%"),
         ("shares of volumes fell off", report.fallen_apart, ".1%"),
         (f"thinner than {edge} in places, where shapes are blurred", report.thin_parts, ".0%"),
         (
@@ -112,6 +134,21 @@ def differences(report: ConversionReport) -> tuple[str, ...]:
     if missed > SHARE_TOLD:
         told.append(Note("messages.missed", share=missed, thinnest=thinnest, finer=finer))
     return tuple(told)
+
+
+def _places(report: ConversionReport) -> str:
+    """What each part lacks: of its volume, where, and of its box; those that lack most."""
+    worst = sorted(report.part_losses, key=lambda one: -max(one.volume, 1e-9))
+    told = []
+    for one in worst[:MOST]:
+        facts = []
+        if one.volume > LOSS_TOLD and one.place is not None:
+            place = ", ".join(f"{x:.2g}" for x in one.place)
+            facts.append(f"{one.volume:.1%} of its volume around ({place}) m")
+        if one.shorter > 0:
+            facts.append(f"{one.shorter:.2g} m of its box")
+        told.append(f"{one.name!r} {' and '.join(facts)}")
+    return "; ".join(told) + _more(len(worst))
 
 
 def listed(names: Sequence[str], most: int = MOST) -> str:

@@ -30,7 +30,7 @@ from ...fem.scene.conditions import (
 )
 from ...fem.scene.scene import Scene
 from ...fem.solve.method import METHODS, SCENARIOS, Method, Scenario
-from ...fem.solve.modal import QUICK, natural_modes, quadratic_modes
+from ...fem.solve.modal import QUICK, factor_fits, natural_modes
 from ...fem.solve.result import Modes, MotionResult, SagResult
 from ...fem.table import Span, key, load_contents, load_flows, load_strengths, load_table
 from ...predictors.asset import UpAxis
@@ -147,15 +147,14 @@ def standing_modes(scene: Scene, result: SagResult, device: str) -> dict[str, An
     """First vibrations of a body at rest, or why there are none."""
     static = result.static
     if not result.trusted:
-        return {"modes_unmade": "how it comes to lie was not found"}
-    if static.order != 2 or not quadratic_modes(scene.mesh, most=QUICK):
-        return {"modes_unmade": "quadratic elements take too long for that here: --scenario modal"}
-    known = {"supports": scene.held, "tractions": scene.tractions, "device": device}
+        return {"modes_unmade": Note("checks.no_rest")}
+    if not factor_fits(scene.mesh, order=static.order, most=QUICK):
+        return {"modes_unmade": "its elements take too long for that here: --scenario modal"}
+    known: Any = {"order": static.order, "rest": static, "device": device}
+    known |= {"supports": scene.held, "tractions": scene.tractions}
     try:
-        return {"modes": natural_modes(scene.mesh, STANDING_MODES, rest=static, **known)}
-    except InputError:  # too few unknowns for so many modes
-        return {}
-    except ConvergenceError as error:
+        return {"modes": natural_modes(scene.mesh, STANDING_MODES, **known)}
+    except (ConvergenceError, InputError) as error:  # or too few unknowns for so many modes
         return {"modes_unmade": str(error)}
 
 
