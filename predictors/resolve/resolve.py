@@ -265,7 +265,9 @@ def _allocated(
     for i, k in zip(free, given, strict=True):
         if k is not None:
             out[i] = PartStatement((naming[k],), borrowed=True)
-    return [replace(said, open=said.borrowed or not said.clauses) for said in out]
+    # One statement about a thing of one part is about it: "the finger is TPU" of finray.stl
+    alone = len(parts) == len(lost) == len(naming) == 1
+    return [replace(s, open=(s.borrowed or not s.clauses) and not alone) for s in out]
 
 
 # In the assignment of clauses that no word binds, against a cosine of 0 .. .6 between words:

@@ -53,8 +53,15 @@ def lex(text: str, lexicon: ReaderLexicon, names: Sequence[str]) -> Lexed:
     for rule in words()["rewrites"]:  # what stands for a word is written by it, in as many letters
         width = lambda m, to=rule["to"]: m.expand(to).ljust(len(m[0]))[: len(m[0])]  # noqa: E731
         text = re.sub(rule["find"], width, text)
-    for pattern in _IGNORED:
-        text = pattern.sub(lambda m: " " * len(m[0]), text)
+    # What stands around a matter; "quenched and tempered" stays of the row that is called so
+    ignored = [m for pattern in _IGNORED for m in pattern.finditer(text)]
+    plain = atoms(text, lexicon.model, known) if ignored else []
+    rows = named_materials(text, plain, lexicon, known, several=len(names) > 1) if plain else []
+    rows = [x for x in rows if x.words in lexicon.rows]
+    for m in ignored:
+        if not any(x.start <= m.start() and m.end() <= x.end and x.text != m[0] for x in rows):
+            text = text[: m.start()] + " " * len(m[0]) + text[m.end() :]
+    text = re.sub(r"\(\s*\)", lambda m: " " * len(m[0]), text)  # "modulus (ISO 527) 2000 MPa"
     text, loads = without_loads(text)
     cut = atoms(text, lexicon.model, known)
     foreign = glossed(cut, lexicon, known)
@@ -119,7 +126,7 @@ _LOADS = re.compile(words()["loads"]["pattern"], re.VERBOSE)
 _HEADED = re.compile(r"(?i)(?<!\w)(?:material|mat|werkstoff|matériau|part|part name|bauteil)(?!\w)")
 _CODED = re.compile(r"(?=.*\d)(?=.*[A-Za-z])[^\s%]{3,}")
 _UNIT = re.compile(r" ?(?:[kMG]?Pa|psi|ksi|k?g/|N/)")
-_IGNORED = [re.compile(rf"(?<![\w.])(?:{each})") for each in words()["ignored"]["patterns"]]
+_IGNORED = [re.compile(rf"(?<![\w.])(?:{each})(?!\w)") for each in words()["ignored"]["patterns"]]
 _LOAD_END = re.compile(r"[;\n]|[,.](?=\s|$)|\s(?=and\b|but\b|while\b|which\b)|$")
 
 

@@ -256,7 +256,7 @@ def _measures(text: str) -> Iterator[Numeral]:
 
 def _read(match: re.Match, *, cued: bool) -> Numeral | None:
     """What a match says: by its word, else by its unit; told where the two are at odds."""
-    group, said, (start, end) = match.groupdict(), match[0].strip(), match.span()
+    group, said, (start, end) = match.groupdict(), " ".join(match[0].split()), match.span()
     dimension, factor = _si(group["unit"]) if group["unit"] else (None, 1.0)
     words = (m for m in DATA["cues"] if cued and group[f"cue_{m}"])
     measure: Any = next(words, dimension)
@@ -275,7 +275,7 @@ def _read(match: re.Match, *, cued: bool) -> Numeral | None:
         return Numeral(start, end, None)  # "l = 20 mm"
     if measure == "other" or not value > 0:
         return Numeral(start, end, None, Note("numerals.used", said=said))
-    if re.search(rf"(?i)(?<!\w)(?:{_BOUND})(?!\w)", said[: match.start("low") - start]):
+    if re.search(rf"(?i)(?<!\w)(?:{_BOUND})(?!\w)", match[0][: match.start("low") - start]):
         note = Note("numerals.bound_value", said=said)
     if group["unit"] == "mPa":
         note = Note("numerals.read_mpa", said=said, group=group["low"])

@@ -219,8 +219,9 @@ def test_alpha_moves_words_only():
     """--alpha works where words name the material, and says so where they do not."""
     soft = assigned(block("geometry_0"), "oak", alpha=0.0, predictor=network())
     assert soft.choices[0].value.E == pytest.approx(TABLE.exact("oak").E.min)
+    text = "the legs are oak and the seat is felt"
     with pytest.raises(UsageError, match=r"--alpha.*'blob'.*--predictor unipixie or retrieval"):
-        assigned(block("blob"), "the legs are oak", alpha=0.0, predictor=network())
+        assigned(block("blob"), text, alpha=0.0, predictor=network())
 
 
 @pytest.mark.slow

@@ -112,6 +112,13 @@ def test_the_name_of_the_file_is_not_against_the_text(parts, text):
     assert found[parts].row is TABLE.exact("spring steel")
 
 
+def test_one_statement_of_a_thing_of_one_part_is_of_it():
+    """Whatever the file is called: told, and not left to a network."""
+    found, _ = read("finray", "The gripper finger is TPU 95A")
+    assert found["finray"].row is TABLE.exact("TPU 95A")
+    assert found["finray"].settled
+
+
 LANGUAGES = [
     ("seat legs", "Die Sitzfläche ist aus massiver Eiche, die Beine sind aus Edelstahl"),
     ("seat legs", "Sitz: Eiche; Beine: Edelstahl"),
