@@ -104,10 +104,8 @@ def reference(case: Case) -> dict:
     sizes = np.linalg.norm(rest.node_displacement, axis=1)
     node, held = int(sizes.argmax()), node_supports(case.scene.held, rest.space)
     if not (held.fixed[node].any() and held.values[node].any()):
-        at = [
-            np.linalg.norm(a["rest"].node_displacement[node], keepdims=True)
-            for a in (coarse, middle, fine)
-        ]
+        answers = (coarse, middle, fine)
+        at = [np.array([np.linalg.norm(a["rest"].node_displacement[node])]) for a in answers]
         note("displacement", at[2] - at[0], at[2] - at[1], float(sizes.max()))
     if len(held.places) > 1:
         size = np.linalg.norm(coarse["places"], axis=1)

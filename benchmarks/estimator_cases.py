@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from autophyx_tet.fem.elements.assembly import node_supports
@@ -44,7 +45,7 @@ def body(size, cells, keep: Callable | None = None, warp: Callable | None = None
     return TetMesh.oriented(points if warp is None else warp(points), tets.reshape(-1, 4))
 
 
-def made(mesh: TetMesh, E=1e9, nu=0.3) -> TetMesh:
+def made(mesh: TetMesh, E: Any = 1e9, nu: Any = 0.3) -> TetMesh:
     """The mesh with moduli, numbers or functions of the centres of tets."""
     at = mesh.centroids.T
     values = (np.broadcast_to(v(*at) if callable(v) else v, len(mesh.tets)) for v in (E, nu, 1e3))
@@ -67,12 +68,23 @@ def held_at(mesh: TetMesh, *places: tuple) -> Supports:
     return held
 
 
-def bar(kind, name, size, cells, *, load="shear", E=1e9, nu=0.3, ends=(0,), **shape) -> Case:
+def bar(
+    kind,
+    name,
+    size,
+    cells,
+    *,
+    load: str = "shear",
+    E: Any = 1e9,
+    nu: Any = 0.3,
+    ends=(0,),
+    **shape: Any,
+) -> Case:
     """A bar along x, clamped at its ``ends`` (0: x = 0, 1: x = L)."""
     mesh = made(body(size, cells, **shape), E, nu)
     x = [float(mesh.points[:, 0].min()), float(mesh.points[:, 0].max())]
     held = held_at(mesh, *((flat(mesh, 0, x[end]),) for end in ends))
-    end, known = flat(mesh, 0, x[1]), {}
+    end, known = flat(mesh, 0, x[1]), dict[str, Any]()
     if load == "gravity":
         known["gravity_vector"] = (0, 0, -9.81)
     elif load == "hanging":
@@ -302,7 +314,7 @@ def random_cases(kind: str, count: int = 24) -> Iterator[Case]:
 
         base = flat(mesh, along, start, half if part else None)
         base = base if len(base) else flat(mesh, along, start)
-        held, known = held_at(mesh, (base,)), {}
+        held, known = held_at(mesh, (base,)), dict[str, Any]()
         end = flat(mesh, along, float(mesh.points[:, along].max()))
         load = rng.integers(3)
         if load == 0:

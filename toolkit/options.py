@@ -241,7 +241,7 @@ class SimulateOptions:
     supports: Literal["base", "three-point", "free"] = "base"
     """Clamp the base, rest on three points (only rigid motion is stopped), or free (vibrations)."""
     fix: Annotated[tuple[str, ...], Repeated] = ()
-    """Hold a place instead of the base: part:NAME, "plane:z<0.01", box:..., near:x,y,z,r [:xy]."""
+    """Hold a place, not the base: "part:leg*", "plane:z<10mm", box:..., near:x,y,z,r [:xy]."""
     load: Annotated[tuple[str, ...], Repeated] = ()
     """Force [N] in total on a place, PLACE=fx,fy,fz: part:head=0,0,-10; may be repeated."""
     pressure: Annotated[tuple[str, ...], Repeated] = ()

@@ -103,7 +103,7 @@ def share_within(mesh: TetMesh, region: int, depth: float) -> float:
     points = np.einsum("nk,nkd->nd", rng.dirichlet(np.ones(4), SAMPLES), mesh.points[drawn])
     faces = np.ascontiguousarray(boundary_faces(tets).faces, dtype=np.int64)
     squared, *_ = igl.point_mesh_squared_distance(points, mesh.points, faces)
-    return float((squared <= depth**2).mean())
+    return float(np.mean(np.asarray(squared) <= depth**2))
 
 
 # What the parts of a mesh are called, and what a text says that they are and hold.

@@ -54,7 +54,7 @@ class BoundaryConditions:
     >>> from autophyx_tet.fem import BoundaryConditions, ElementMaterial, Scene, box_mesh
     >>> block = box_mesh((1, 1, 1), (1, 1, 1))
     >>> block = block.with_material(ElementMaterial.uniform(6, E=1e6, nu=0.0, rho=1e3))
-    >>> stated = BoundaryConditions(fix=("plane:z<0.01",), load=("plane:z>0.99=0,0,-100",))
+    >>> stated = BoundaryConditions(fix=("plane:z<0.01",), load=("plane:z>1=0,0,-100",))
     >>> scene = stated.applied(Scene(mesh=block))
     >>> int(scene.held.fixed.all(axis=1).sum()), scene.tractions[0].value[0].tolist()  # Pa on 1 m^2
     (4, [0.0, 0.0, -100.0])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import fnmatch
 import re
 from typing import NamedTuple
 
@@ -14,6 +15,7 @@ from ..mesh import TetMesh, cross, face_areas, face_normals, outer_faces
 from ..note import Note
 
 AXES = "xyz"
+METRES = {"um": 1e-6, "mm": 1e-3, "cm": 1e-2, "dm": 0.1, "m": 1.0, "km": 1e3, "in": 0.0254}
 # Places reach this fraction of the diagonal further: `plane:z<0` means the face at z = 0 too, and
 # coordinates written as text lose their last digits.
 TOUCH = 1e-6
@@ -59,7 +61,7 @@ def select(mesh: TetMesh, words: str, *, surface: bool = False) -> Selection:
     used = np.unique(mesh.tets if mine is outer else faces)
     kind, _, rest = place.partition(":")
     if kind == "part":
-        inside = mesh.region == _part(mesh, words, rest)
+        inside = np.isin(mesh.region, _parts(mesh, words, rest))
         faces = faces[inside[owner]]
         ids = np.intersect1d(used, mesh.tets[inside])
         return Selection(words, axes, ids, faces, np.ones(len(faces)))
@@ -67,14 +69,14 @@ def select(mesh: TetMesh, words: str, *, surface: bool = False) -> Selection:
     planes: list[tuple[np.ndarray, float]] = []
     ball: tuple[np.ndarray, float] | None = None
     if kind == "box":
-        corners = numbers(rest, 6, words).reshape(2, 3)
+        corners = lengths(rest, 6, words).reshape(2, 3)
         upper, lower = corners.max(axis=0), -corners.min(axis=0)
         planes = [*zip(np.eye(3), upper, strict=True), *zip(-np.eye(3), lower, strict=True)]
     elif kind == "plane":
         axis, sign, level = half_space(rest, words)
         planes = [(sign * np.eye(3)[axis], sign * level)]
     elif kind == "near":
-        *centre, radius = numbers(rest, 4, words)
+        *centre, radius = lengths(rest, 4, words)
         if not radius > 0:
             raise UsageError("selection.radius_wanted", words=words, radius=radius)
         ball = np.array(centre), radius
@@ -176,10 +178,16 @@ def _in_ball(
     return np.abs((square * sectors + turn(u, v)).sum(axis=1)) / 2
 
 
-def _part(mesh: TetMesh, words: str, name: str) -> int:
-    """Region of the part that is called ``name``, whatever its case."""
+def _parts(mesh: TetMesh, words: str, name: str) -> list[int]:
+    """Regions of the part called ``name``, whatever its case; of several, as in 'leg*', 'a,b'."""
     folded = {known.casefold(): known for known in mesh.region_names}
     part = name if name in mesh.region_names else folded.get(name.casefold())
+    if part is None and "," in name:
+        return [region for one in name.split(",") for region in _parts(mesh, words, one.strip())]
+    if part is None and (group := fnmatch.filter(folded, name.casefold())):
+        found = [mesh.region_names.index(folded[one]) for one in group]
+        if held := [region for region in found if (mesh.region == region).any()]:
+            return held
     if part is None:
         near = difflib.get_close_matches(name.casefold(), folded, n=1, cutoff=0.5)
         hint = Note("selection.you_mean", region_names=folded[near[0]]) if near else ""
@@ -187,7 +195,16 @@ def _part(mesh: TetMesh, words: str, name: str) -> int:
     region = mesh.region_names.index(part)
     if not (mesh.region == region).any():
         raise UsageError("selection.part_tets", words=words, around=_around(mesh))
-    return region
+    return [region]
+
+
+def lengths(text: str, count: int, words: str) -> np.ndarray:
+    """As ``numbers``, of lengths [m]: each may have a unit, as in '75mm,.2'."""
+    units = "|".join(sorted(METRES, key=len, reverse=True))
+    found = [re.fullmatch(rf"\s*(.*?)\s*({units})?\s*", part) for part in text.split(",")]
+    scale = np.array([METRES[match[2] or "m"] for match in found if match])
+    plain = ",".join(match[1] for match in found if match)
+    return numbers(plain, count, words) * scale
 
 
 def numbers(text: str, count: int, words: str) -> np.ndarray:
@@ -211,7 +228,7 @@ def half_space(text: str, words: str) -> tuple[int, float, float]:
     if match is None:
         raise UsageError("selection.wanted_plane", words=words)
     sign = 1.0 if match[2] == "<" else -1.0
-    return AXES.index(match[1]), sign, float(numbers(match[3], 1, words)[0])
+    return AXES.index(match[1]), sign, float(lengths(match[3], 1, words)[0])
 
 
 def _around(mesh: TetMesh, most: int = 8) -> str:

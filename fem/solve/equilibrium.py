@@ -35,6 +35,8 @@ logger = logging.getLogger(__name__)
 # its square of strain, and where the next terms of the load change no displacement by more than
 # this share of the largest: what is printed is good to a percent at best.
 LINEAR_STRAIN, LINEAR_TURN, LINEAR_CHANGE = 0.05, 0.1, 0.01
+# More than that where it is small beside what the mesh leaves: this share of it, at most so much.
+OF_MESH, MOST_CHANGE = 1 / 3, 0.03
 # Strain [1] at which these terms are differenced.
 DIFFERENCED = 1e-2
 # Unknowns up to which a body is followed beyond the linear law, and up to which it is relaxed where
@@ -86,7 +88,7 @@ class StaticMethod:
         static = replace(static, cycle=None)  # and its memory
         why = None if law is None else Note("equilibrium.law_asked")
         if law is None:
-            why = _beyond_linear(static, scene)
+            why = _beyond_linear(static, scene, found.relative.value)
         elif not LAWS[law].finite:
             why = None
         factor, unmade, trusted = None, "", True
@@ -129,8 +131,8 @@ class StaticMethod:
 METHOD = StaticMethod()
 
 
-def _beyond_linear(linear: StaticResult, scene: Scene) -> Note | None:
-    """Why the ``linear`` rest is not enough; None where it is.
+def _beyond_linear(linear: StaticResult, scene: Scene, error: float) -> Note | None:
+    """Why the ``linear`` rest, which the mesh leaves off by ``error``, is not enough; None: it is.
 
     Its rotation, its strain, and what the second and third order in the load add to it, K^-1 of the
     forces that the finite law makes of it: the ratio of K_sigma to K along the displacement is
@@ -164,8 +166,9 @@ def _beyond_linear(linear: StaticResult, scene: Scene) -> Note | None:
     odd = (force(e * u + e**2 * second) - force(-e * u + e**2 * second)) / (2 * e)
     third = solve((odd - ElasticBody(grid, material, Law.LINEAR).response(u).force) / e**2)
     change = np.abs(np.linalg.norm(u + second + third, axis=1) - sizes).max() / sizes.max()
-    if not change <= LINEAR_CHANGE:
-        return Note("equilibrium.linear_changes", limit=LINEAR_CHANGE)
+    limit = float(np.clip(np.nan_to_num(error) * OF_MESH, LINEAR_CHANGE, MOST_CHANGE))
+    if not change <= limit:
+        return Note("equilibrium.linear_changes", limit=limit)
     return None
 
 

@@ -338,7 +338,7 @@ def estimate_error(
         energy=float(np.sqrt(total / doubled)) if doubled > 0 else 0.0,
         work=work,
         reaction=max(
-            (d / f for f, d in zip(carried, off, strict=True) if f > LEAST * max(carried)),
+            (float(d / f) for f, d in zip(carried, off, strict=True) if f > LEAST * max(carried)),
             default=np.nan,
         ),
         stress=_stress_error(result, cubic, exponents, surplus),

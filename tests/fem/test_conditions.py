@@ -92,6 +92,28 @@ def test_selections_are_what_they_say():
     assert select(odd, "part:lid:x").axes == (0, 1, 2)  # the part's own name comes first
 
 
+def test_places_take_units_and_several_parts():
+    """The same points in metres and in millimetres; parts by a pattern or one after the other."""
+    mesh = box_mesh((0.2, 0.1, 0.1), (4, 2, 2))
+    for plain, said in (
+        ("plane:x>0.15", "plane:x>150mm"),
+        ("box:0,0,0,0.05,0.1,0.1", "box:0,0,0,5cm,10 cm,0.1m"),
+        ("near:0.2,0,0,0.06", "near:200mm,0,0,6cm"),
+    ):
+        found = [select(mesh, words).points for words in (plain, said)]
+        assert len(found[0])
+        assert np.array_equal(*found)
+    quarter = (mesh.points[mesh.tets].mean(axis=1)[:, 0] // 0.05).astype(np.int32)
+    legs = TetMesh(mesh.points, mesh.tets, quarter, ("leg_1", "leg_2", "seat", "Leg_3"))
+    each = [select(legs, f"part:{name}").points for name in ("leg_1", "leg_2", "leg_3")]
+    three = np.unique(np.concatenate(each))
+    assert np.array_equal(select(legs, "part:leg*").points, three)
+    assert np.array_equal(select(legs, "part:leg_1, leg_2,leg_3").points, three)
+    for words in ("part:arm*", "part:leg_1,arm", "plane:x>150miles", "plane:x>mm"):
+        with pytest.raises(UsageError):
+            select(mesh if words.startswith("plane") else legs, words)
+
+
 def test_loads_add_up_on_any_surface():
     """Force, torque and no net force of a torque, to round-off, on a curved selection of faces."""
     mesh = hammer()

@@ -6,9 +6,12 @@ import pytest
 import trimesh
 from autophyx_tet.converters.registry import Format, Keeps
 from autophyx_tet.fem.errors import InputError
+from autophyx_tet.toolkit.asset.foreign import CAD, FBX, SCENE
 from autophyx_tet.toolkit.asset.formats import ASSET_FORMATS, AssetContent, NamedSurface
 from autophyx_tet.toolkit.asset.load import load_asset
 from autophyx_tet.toolkit.asset.readers import CARRIER
+
+from . import writers
 
 PARTS = {"leg": (0, 0, 0), "seat": (3, 0, 0)}
 
@@ -51,7 +54,12 @@ def _xyz(made):
     return "\n".join("{} {} {}".format(*point) for point in points)
 
 
-WRITERS = {".stl": _stl, ".dae": _dae, ".off": _off, ".xyz": _xyz}
+def _step(made):
+    boxes = {name: made.geometry[name].bounds * 1000 for name in PARTS}  # mm
+    return writers.step(boxes)
+
+
+WRITERS = {".step": _step, ".stl": _stl, ".dae": _dae, ".off": _off, ".xyz": _xyz}
 
 
 def _write(suffix, folder):
@@ -66,7 +74,9 @@ def _write(suffix, folder):
 def test_what_a_file_states_needs_no_option(tmp_path):
     """Unit and up axis are warned about where the format does not keep them, and only there."""
     forms = {ASSET_FORMATS[suffix]: suffix for suffix in ASSET_FORMATS}
-    del forms[CARRIER]  # nothing of a carrier is stated
+    forms[CAD] = ".step"
+    for form in (CARRIER, FBX, SCENE):  # nothing of a carrier is stated; of scenes: test_cases.py
+        del forms[form]
     for form, suffix in forms.items():
         asset = load_asset(_write(suffix, tmp_path))
         said = " ".join(asset.warnings)

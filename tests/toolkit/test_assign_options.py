@@ -57,7 +57,7 @@ def test_values_of_a_network_far_from_what_they_are_like_are_no_good_verdict():
 def test_what_is_only_numbers_gets_no_strength_and_no_tick():
     found = assigned(set=("bar:E=7e10,nu=.33,rho=2700",))
     (verdict,) = (v for v in found.verdicts() if v.name in ("inside band", "as stated"))
-    assert verdict.mark == "note"
+    assert verdict.outcome == "not made"
     assert "no strength is known" in verdict.sentence
 
 

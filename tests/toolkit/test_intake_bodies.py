@@ -138,6 +138,17 @@ def test_two_fans_at_a_vertex_are_told(monkeypatch):
     assert any("at 3 vertices of the boundary two fans" in told for told in report.warnings)
 
 
+@pytest.mark.slow
+def test_a_first_body_is_shown_while_the_engine_works(monkeypatch):
+    """Once, after the seconds that are waited for: a lattice, and then the engine's answer."""
+    monkeypatch.setattr(conversion, "FORESEEN", 0.0)
+    shown = []
+    mesh, report = tetrahedralize(asset_of(ball=ball(1)), epsilon_rel=1e-3, first=shown.append)
+    assert len(shown) == 1
+    assert shown[0].volume == pytest.approx(mesh.volume, rel=0.01)
+    assert (report.mesher, len(report.attempts)) == ("ftetwild", 1)
+
+
 def test_fast_ends_with_the_lattice():
     assert ConvertOptions(fast=True).engine()["mesher"] == "stuffing"
     assert ConvertOptions(fast=True, mesher="ftetwild").engine()["mesher"] == "ftetwild"
@@ -168,7 +179,7 @@ def test_splats_are_pruned_cropped_coloured_and_stand_upright(tmp_path):
     assert part.mesh.volume == pytest.approx(4 / 3 * np.pi, rel=0.03)
     assert part.mesh.body_count == 1
     assert asset.up == "-y"
-    assert any("100 of 20400 splats float" in told for told in asset.warnings)
+    assert any("99 of 20399 splats float" in told for told in asset.warnings)  # and one is far off
     faces = np.arange(len(part.mesh.faces))
     blue = skin_of(part.mesh)(faces, np.full((len(faces), 3), 1 / 3))[:, 2]
     height = part.mesh.triangles_center[:, 2]

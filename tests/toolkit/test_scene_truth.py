@@ -117,7 +117,8 @@ def test_jaws_carry_one_force_each():
     """A bar of nu 0 pressed by two jaws: E A e on each, and none in their sum."""
     mesh = uniform(box_mesh((0.1, 0.1, 0.1), (3, 3, 3)), nu=0.0)
     jaws = {"plane:x<0": (0.001, 0, 0), "plane:x>0.1": (-0.001, 0, 0)}
-    numbers = solve(mesh, fix=["box:0.1,0,0,0.1,0,0:yz"], move=jaws, gravity=0).numbers
+    fix = ["box:0.1,0,0,0.1,0,0:yz"]
+    numbers = solve(mesh, fix=fix, move=jaws, gravity=0, law="linear").numbers
     force = {one["place"]: one["force"][0] for one in numbers["reactions"]}
     assert force["plane:x<0"] == pytest.approx(1e7 * 0.01 * 0.02, rel=1e-6)
     assert force["plane:x>0.1"] == pytest.approx(-1e7 * 0.01 * 0.02, rel=1e-6)

@@ -124,10 +124,7 @@ def test_the_report_of_a_simulation_stands_alone(column, tmp_path):
     write_mesh(tmp_path / "column.msh", column)
     page = tmp_path / "column.html"
     result = simulate(
-        tmp_path / "column.msh",
-        output=tmp_path / "s.vtu",
-        report=page,
-        options=SimulateOptions(order=1),
+        tmp_path / "column.msh", output=tmp_path / "s.vtu", report=page, options=SimulateOptions()
     )
     assert set(result.files) == {tmp_path / "s.vtu", page}
     text = page.read_text(encoding="utf-8")

@@ -12,7 +12,14 @@ import numpy as np
 from ...converters.registry import Format, Keeps
 from ...fem.errors import InputError
 from ...fem.note import Note
-from .formats import AssetContent, NamedSurface, References, parse_scene, refuse_entities
+from .formats import (
+    MADE_UP_NAME,
+    AssetContent,
+    NamedSurface,
+    References,
+    parse_scene,
+    refuse_entities,
+)
 
 KEY = "shown-"  # begins the id of the geometry of an instance
 
@@ -76,8 +83,10 @@ def read_collada(path: Path, data: bytes, references: References) -> AssetConten
                 instance.remove(skeleton)
         else:
             geometry = deepcopy(target)
+        shape = geometry.get("name") or ""
+        shape = geometry.get("id") if MADE_UP_NAME.fullmatch(shape) else shape
         own = unique_name(above[0] if above else "", called, counts=counts)
-        called[own] = names[key] = (own, geometry.get("name") or "", *above[1:])
+        called[own] = names[key] = (own, shape, *above[1:])
         geometry.set("id", key)
         instance.set("url", f"#{key}")
         library.append(geometry)

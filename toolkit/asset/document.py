@@ -21,6 +21,7 @@ from ...fem.table import MaterialValue
 from ...fem.uncertainty import Draws, Exact
 from ...predictors.asset import Asset, UpAxis
 from ...predictors.grid import PartVoxels
+from ...predictors.prediction import GUESS
 
 SCHEMA = 1
 _VERSIONED = ("autophyx-tet", "numpy", "scipy", "trimesh", "pytetwild", "libigl", "warp-lang")
@@ -231,6 +232,7 @@ class BodyRecord:
     exact: Which of E, nu and rho of parts were stated in numbers.
     differences: What the mesh has otherwise than its file.
     size_stated: Whether the user gave the size or the unit of the file.
+    guesses: Parts whose material is a guess.
     """
 
     materials: Mapping[str, str] = field(default_factory=dict)
@@ -239,6 +241,7 @@ class BodyRecord:
     exact: Exact = field(default_factory=dict)
     differences: tuple[str, ...] = ()
     size_stated: bool = False
+    guesses: tuple[str, ...] = ()
 
     @classmethod
     def of(cls, sidecar: Sidecar | None) -> BodyRecord:
@@ -259,6 +262,7 @@ class BodyRecord:
             exact={part["name"]: tuple(part["exact"]) for part in parts if part.get("exact")},
             differences=tuple(report.get("differences", ())),
             size_stated=sidecar.source.get("size_stated", False),
+            guesses=tuple(part["name"] for part in parts if is_guess(part)),
         )
 
     def of_other_materials(self, materials: Mapping[str, str]) -> BodyRecord:
@@ -266,6 +270,17 @@ class BodyRecord:
         return BodyRecord(
             materials=materials, differences=self.differences, size_stated=self.size_stated
         )
+
+
+def is_guess(part: Mapping[str, Any]) -> bool:
+    """Whether the material of a row of ``part_rows`` is a guess.
+
+    That is where nothing near is known of it, or no clause of the text speaks of it.
+    """
+    binding = plain(part.get("binding"))
+    unsaid = binding is not None and binding["clause"] is None
+    sure = part.get("understood", True) and part.get("weight", 1.0) >= GUESS
+    return part.get("guessed", False) or not sure or unsaid
 
 
 # Outputs of the verbs: checked before the work starts, written whole after it is done.

@@ -8,6 +8,7 @@ from __future__ import annotations
 import hashlib
 import io
 import logging
+import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 from urllib.parse import unquote
@@ -46,6 +47,12 @@ ASSET_FORMATS: Registry[Format] = Registry(
         **dict.fromkeys((".pt", ".pth", ".ckpt", ".safetensors"), "readers:CARRIER"),
         **dict.fromkeys((".xyz", ".pcd", ".las", ".laz"), "readers:CARRIER"),
     },
+)
+
+
+# Names that exporters and loaders make up for things that have none; long numbers are of them.
+MADE_UP_NAME = re.compile(
+    r"(geometry|node|mesh|gltf|default|world|none|\W|_|\d)*|[0-9a-f]{16,}", re.IGNORECASE
 )
 
 

@@ -106,7 +106,10 @@ def chunks(data: bytes) -> tuple[dict[str, Any], bytes]:
 
 
 class Primitive(NamedTuple):
-    """Triangles ``faces`` over ``points`` before their node moves them, and how they look."""
+    """Triangles ``faces`` over ``points`` before their node moves them, and how they look.
+
+    ``visual`` are colours of the points, shape (points, 3 or 4), or trimesh's texture and material.
+    """
 
     points: np.ndarray
     faces: np.ndarray
@@ -119,8 +122,11 @@ def _placed(primitive: Primitive, matrix: np.ndarray) -> trimesh.Trimesh:
 
     points = primitive.points @ matrix[:3, :3].T + matrix[:3, 3]
     faces = primitive.faces[:, ::-1] if np.linalg.det(matrix[:3, :3]) < 0 else primitive.faces
+    known: dict[str, Any] = {"process": False, "validate": False}
+    if isinstance(primitive.visual, np.ndarray):
+        return trimesh.Trimesh(points, faces, vertex_colors=primitive.visual, **known)
     visual = None if primitive.visual is None else primitive.visual.copy()
-    return trimesh.Trimesh(points, faces, visual=visual, process=False, validate=False)
+    return trimesh.Trimesh(points, faces, visual=visual, **known)
 
 
 class _File:
@@ -356,14 +362,14 @@ class _File:
 
     def _visual(self, primitive: dict[str, Any], attributes: dict[str, np.ndarray]) -> Any:
         """Material with its texture, or colours of the vertices."""
-        from trimesh.visual import ColorVisuals, TextureVisuals
+        from trimesh.visual import TextureVisuals
 
         colours = attributes.get("COLOR_0")
         if colours is not None:
             colours = np.round(255 * np.clip(_real(colours), 0, 1)).astype(np.uint8)
         number = primitive.get("material")
         if number is None:
-            return None if colours is None else ColorVisuals(vertex_colors=colours)
+            return colours
         material, base = self.tree["materials"][number], {}
         for source in (material.get("pbrMetallicRoughness", {}), *_glossy(material)):
             base = source.get("baseColorTexture", source.get("diffuseTexture", base))

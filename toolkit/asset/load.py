@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -17,7 +16,14 @@ from ...fem.mesh import USUAL_SIZE
 from ...predictors.asset import Asset, Part, UpAxis
 from . import Unit
 from .child import ChildFailure, run_guarded
-from .formats import ASSET_FORMATS, AssetContent, NamedSurface, References, read_content
+from .formats import (
+    ASSET_FORMATS,
+    MADE_UP_NAME,
+    AssetContent,
+    NamedSurface,
+    References,
+    read_content,
+)
 from .triangles import Places
 
 if TYPE_CHECKING:
@@ -40,8 +46,6 @@ UNREAD = {
     **dict.fromkeys((".zip", ".rar", ".7z", ".gz"), "unpack it first"),
 }
 MOST_NOTE = 4 << 20  # bytes: a web page or a pointer is smaller
-# Names that exporters and loaders make up for things that have none.
-MADE_UP_NAME = re.compile(r"(geometry|node|mesh|gltf|default|world|none|\W|_|\d)*", re.IGNORECASE)
 
 
 def load_asset(

@@ -251,9 +251,10 @@ def _verdicts(document: Document) -> Iterator[str]:
         yield " ".join(filter(None, (MARKS[found["mark"]], found["sentence"], found["advice"])))
 
 
-def _answer(document: Document) -> Iterator[str]:
+def _answer(document: Document) -> Shown:
     """The numbers of a body at rest, in motion or ringing, and their verdicts."""
     from ..verdict.checks import percent
+    from ..verdict.description import PLACES, place_rows
 
     if answer := document.get("sag"):
         yield (
@@ -261,6 +262,8 @@ def _answer(document: Document) -> Iterator[str]:
             f"({percent(answer['sag_ratio'])} of its longest side), "
             f"largest von Mises stress {answer['max_von_mises']:.3g} Pa"
         )
+        yield "; ".join(f"{label}: {words}" for label, words in answer["solution"].items())
+        yield _table(place_rows(answer), PLACES)
     elif answer := document.get("motion"):
         yield (
             f"{answer['frames']} frames of {answer['dt']:.3g} s, "

@@ -30,7 +30,7 @@ from ...fem.note import Note
 from ...fem.reduced.model import ReducedModel
 from ...fem.table import Span
 from ...predictors.asset import UpAxis
-from ..verdict.description import Acting, Marks
+from ..verdict.description import PLACES, Acting, Marks
 from ..verdict.verdict import (
     MARKS,
     Check,
@@ -139,6 +139,7 @@ class Case:
     marks: Where supports and loads are drawn.
     solved: How it was solved: law, elements, solver ..., label and words.
     answers: What a reader asks first: what moves most, whether it gives way ...
+    places: What every support carries and every load does, in the columns of ``PLACES``.
     touch: The body to pull; None: the page has none.
     look: How the asset looks, by tets; None: it has no colours.
     alpha: Place of what is not said between soft (0) and stiff (1), where cases differ by it.
@@ -158,6 +159,7 @@ class Case:
     marks: Marks | None = None
     solved: tuple[Fact, ...] = ()
     answers: tuple[Fact, ...] = ()
+    places: tuple[Mapping[str, str], ...] = ()
     touch: TouchBody | None = None
     vibrations: Float[np.ndarray, "modes points 3"] | None = None
     state: str = "Under load"
@@ -300,6 +302,7 @@ def page(content: ReportContent) -> dict[str, Any]:
     several = len(content.cases) > 1
     return {
         "title": content.title,
+        "columns": PLACES,
         "made": content.made,
         "command": content.command,
         "loaded": content.loaded,
@@ -363,6 +366,7 @@ def _column(case: Case, letter: str) -> dict[str, Any]:
         "title": case.title,
         "answers": case.answers,
         "acting": case.acting,
+        "places": case.places,
         "solved": [*case.solved, ("Mesh", size)],
         "findings": findings,
         "facts": [*_facts(case)],

@@ -27,12 +27,11 @@ from ...fem.scene.up import up_vector
 from ...fem.table import Span
 from ...predictors.appearance.surface import skin_of
 from ...predictors.asset import Asset, UpAxis
-from ...predictors.prediction import GUESS
-from ..asset.document import SCHEMA, Sidecar, now, plain, versions, write_json
+from ..asset.document import SCHEMA, Sidecar, is_guess, now, plain, versions, write_json
 from ..meshing.messages import listed
 from ..meshing.quality import Quality, dihedral_angles, quality
 from ..verdict.checks import gives_way, times
-from ..verdict.description import describe, marks
+from ..verdict.description import describe, marks, place_rows
 from ..verdict.run import RunResult, Stopwatch
 from ..verdict.simulation import ModalSimulation, Simulation, StaticSimulation
 from ..verdict.verdict import Check, si
@@ -213,6 +212,7 @@ def _case(
         acting=describe(simulation.scene),
         marks=marks(simulation.scene),
         solved=simulation.solution,
+        places=tuple(place_rows(simulation.numbers)) if rests else (),
         answers=(*found(simulation, parts), *([] if doubts is None else [unheard(doubts)])),
         touch=body,
     )
@@ -336,13 +336,7 @@ def found(simulation: Simulation, parts: Sequence[dict[str, Any]]) -> Iterator[F
     )
     if not parts:
         return
-    guesses = []
-    for part in parts:
-        # nothing near is known, or no clause speaks of it
-        binding = plain(part["binding"])
-        unsaid = binding is not None and binding["clause"] is None
-        if part["guessed"] or not part["understood"] or part["weight"] < GUESS or unsaid:
-            guesses.append(part["name"])
+    guesses = [part["name"] for part in parts if is_guess(part)]
     ranges = [plain(part["ranges"]["E"]) for part in parts]
     widest = max(E["max"] / E["min"] for E in ranges)
     factor = f"known to a factor of {widest:.2g} or better" if widest != 1 else "as stated"

@@ -147,19 +147,14 @@ def standing_modes(scene: Scene, result: SagResult, device: str) -> dict[str, An
     """First vibrations of a body at rest, or why there are none."""
     static = result.static
     if not result.trusted:
-        return {"modes_unmade": "how it comes to lie was not found"}
+        return {"modes_unmade": Note("checks.no_rest")}
     if not factor_fits(scene.mesh, order=static.order, most=QUICK):
         return {"modes_unmade": "its elements take too long for that here: --scenario modal"}
-    known: Any = {"supports": scene.held, "tractions": scene.tractions, "device": device}
+    known: Any = {"order": static.order, "rest": static, "device": device}
+    known |= {"supports": scene.held, "tractions": scene.tractions}
     try:
-        return {
-            "modes": natural_modes(
-                scene.mesh, STANDING_MODES, order=static.order, rest=static, **known
-            )
-        }
-    except InputError:  # too few unknowns for so many modes
-        return {}
-    except ConvergenceError as error:
+        return {"modes": natural_modes(scene.mesh, STANDING_MODES, **known)}
+    except (ConvergenceError, InputError) as error:  # or too few unknowns for so many modes
         return {"modes_unmade": str(error)}
 
 

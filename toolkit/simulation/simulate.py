@@ -157,6 +157,7 @@ def simulate(
         exact=record.exact,
         differences=record.differences,
         size_stated=record.size_stated,
+        guesses=record.guesses,
     )
     again = command_line("simulate", source, options=(options,), up=up, drive=drive, **wanted)
     files: list[Path] = []

@@ -16,7 +16,7 @@ from ...fem.table import AS_STATED, FIELDS, MaterialValue, Span, outside_band
 from ...fem.uncertainty import MIDDLE
 from ...predictors.construction import MassInterval
 from ...predictors.field import MaterialField
-from ..asset.document import BodyRecord, Sidecar, mesh_document
+from ..asset.document import BodyRecord, Sidecar, is_guess, mesh_document
 from ..meshing.messages import listed
 from ..walls import FAR_APART, BuiltPart
 from .verdict import Check, as_table, in_a_line
@@ -106,6 +106,7 @@ class Assignment:
             classes={choice.part: choice.matter_class for choice in self.choices},
             draws=self.draws,
             exact={choice.part: choice.exact for choice in self.choices if choice.exact},
+            guesses=tuple(row["name"] for row in self.part_rows() if is_guess(row)),
         )
 
     @property
@@ -154,11 +155,15 @@ class Assignment:
                 odd.append((choice.part, Note("checks.unlike_row", part=choice.part, **span)))
         found = [Check("inside band", "failed", said, part=part) for part, said in odd]
         stated = [repr(c.part) for c in self.choices if c.row.category == AS_STATED]
-        if len(stated) < len(self.choices) and not found:
+        guesses = self.record.guesses
+        if guesses:
+            said = Note("checks.guessed_kind", parts=listed(guesses))
+            found.append(Check("inside band", "doubtful", said, part=", ".join(guesses)))
+        elif len(stated) < len(self.choices) and not found:
             found.append(Check("inside band", "passed", Note("checks.inside_band")))
         if stated:
             said = Note("checks.as_stated", parts=", ".join(stated))
-            found.append(Check("as stated", "doubtful", said))
+            found.append(Check("as stated", "not made", said))
         # How far the mass may be off, where nothing says whether parts are hollow
         low, high = self.mass_interval()
         parts = [b.construction.part for b in self.built if b.construction.form == "unknown"]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from ...fem.mesh import USUAL_SIZE, TetMesh, edge_fraction, largest_explicit_ste
 from ...fem.note import Note
 from ...fem.reactions import standing_pieces
 from ...fem.safety import Safety
+from ...fem.scene.loads import resultant
 from ...fem.scene.scene import Scene
 from ...fem.solve.contact import support_polygon
 from ...fem.solve.result import (
@@ -30,7 +31,8 @@ from ...fem.solve.result import (
     too_coarse,
 )
 from ...fem.uncertainty import Interval, Likely
-from .verdict import Check, Outcome, with_doubts
+from ..meshing.messages import listed
+from .verdict import Check, Outcome
 
 # A body holds its shape if no point moves more than this fraction of its longest side.
 HOLDS = 0.05
@@ -40,6 +42,7 @@ TRUSTED = 0.1
 # A body stands where it buckles under no less than this multiple of its load.
 STANDS = 1.0
 SLIDES = 0.05  # friction [1] that any ground has but ice; less is not told
+TAKEN_UP = 0.5  # fraction of a load that may land on fixed points
 GRAVITY = 9.81  # [m/s^2], of a scene that leaves the weight out, as wind and a finger do
 USUAL_STEP = 1e-4  # [s], of explicit simulators
 # A first frequency below this is seen as wobbling.
@@ -128,8 +131,11 @@ def buckling(factor: LoadFactor | None, why: str = "", *, ends: Interval | None 
 
 def stays_upright(result: SagResult, scene: Scene) -> tuple[Check, ...]:
     """Whether the body would stand if its base were not held; nothing where it need not."""
-    if scene.ground is None or scene.holds or not result.trusted or result.assumed:
+    if scene.ground is None or scene.holds:
         return ()
+    if not result.trusted or result.assumed:
+        why = Note("checks.no_rest")
+        return (Check("upright", "not made", Note("checks.upright_unmade", why=why), why=why),)
     pieces = standing_pieces(scene, result.static, GRAVITY)
     inside, friction = min(support_polygon(*piece, scene.up) for piece in pieces)
     passed = bool(inside >= 0)
@@ -138,6 +144,25 @@ def stays_upright(result: SagResult, scene: Scene) -> tuple[Check, ...]:
     if np.isinf(inside):
         said = Note("checks.lifts_off")
     return (Check("upright", _passed(passed), said, inside, 0.0, "m"),)
+
+
+def loads_reach(scene: Scene) -> tuple[Check, ...]:
+    """Whether the loads that a user named land on points that can move; none where there are none.
+
+    One of which more than half lands on fixed points is in doubt: their supports take it up.
+    """
+    shares = [
+        (resultant(scene.mesh, load, scene.held).on_fixed, load.name)
+        for load in scene.tractions
+        if load.name
+    ]
+    if not shares:
+        return ()
+    share, name = max(shares)
+    outcome: Outcome = "passed" if share <= TAKEN_UP else "doubtful" if share < 1 else "failed"
+    told = {"place": name, "share": percent(share)}
+    said = Note("checks.loads_reach" if share <= TAKEN_UP else "checks.loads_fixed", **told)
+    return (Check("loads", outcome, said, share, TAKEN_UP),)
 
 
 def first_frequency(modes: Modes | None, why: str = "") -> Check:
@@ -154,8 +179,9 @@ def first_frequency(modes: Modes | None, why: str = "") -> Check:
         outcome, said = "failed", Note("checks.moves_freely", ways=ways, **told)
     elif modes.order == 1 and value >= WOBBLES:
         outcome, said = "doubtful", Note("checks.stiff_by_linear", **told)
-    elif value >= WOBBLES > (1 - SAFETY * modes.error) * value:
+    elif value >= WOBBLES and SAFETY * modes.error > min(TRUSTED, 1 - WOBBLES / value):
         outcome, why = "doubtful", Note("checks.frequency_error", off=percent(modes.error))
+        said = f"{said} {why}"
     return Check("first frequency", outcome, said, value, WOBBLES, "Hz", why=why)
 
 
@@ -239,7 +265,23 @@ def strength(safety: Safety, error: DiscretisationError | None = None) -> Check:
             outcome, why = "doubtful", Note("checks.singular_stress", **told)
         elif factor < 1 + 2 * error.stress:  # twice the rms covers the largest of 97 in 100
             outcome, why = "doubtful", Note("checks.stress_error", off=percent(error.stress))
-    return Check("strength", outcome, said, factor, SAFE, **where, why=why)
+    return Check("strength", outcome, f"{said} {why}".strip(), factor, SAFE, **where, why=why)
+
+
+def strength_unmade(
+    parts: Sequence[str], materials: Mapping[str, str], *, rests: bool = True
+) -> tuple[Check, ...]:
+    """What is said of ``parts`` that have no safety, by the rows that they are of."""
+    if not parts:
+        return ()
+    why = Note("checks.no_rest")
+    if rests:
+        rows = dict.fromkeys(filter(None, (materials.get(part) for part in parts)))
+        why = Note("checks.no_strength", materials=", ".join(rows))
+        why = why if rows else Note("checks.no_names")
+    told = {"parts": listed(parts), "give": "give" if len(parts) > 1 else "gives"}
+    said = Note("checks.strength_unmade", why=why, **told)
+    return (Check("strength", "not made", said, part=", ".join(parts), why=why),)
 
 
 def gives_way(safety: Safety) -> tuple[str, str]:
@@ -277,7 +319,7 @@ def static_checks(
     ``load_factors`` of buckling are those of its softest and its stiffest materials.
     """
     mesh = result.static.mesh
-    checks = (
+    return (
         holds_shape(result),
         buckling(result.load_factor, result.load_factor_unmade, ends=load_factors),
         discretisation(result),
@@ -286,7 +328,6 @@ def static_checks(
         usual_size(mesh, stated=size_stated),
         usual_mass(mesh),
     )
-    return tuple(with_doubts(checks))
 
 
 # A motion may have this fraction more energy than it was given. Elements and reduced bodies: 1 % is

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import Literal, NamedTuple
+from collections.abc import Iterator, Mapping
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -110,6 +110,40 @@ def describe(scene: Scene) -> tuple[Acting, ...]:
             words += f", friction {scene.friction:g}"
         acting.append(Acting("obstacle", words))
     return tuple(acting)
+
+
+# Columns of a table of places: what carries a rest, and what acts on it.
+PLACES = {
+    "does": "", "place": "place", "force": "force", "torque": "torque about its middle",
+    "area": "area", "fixed": "on fixed points",
+}  # fmt: skip
+
+
+def place_rows(rest: Mapping[str, Any]) -> list[dict[str, str]]:
+    """What every support carries and every load does, in words, of the numbers of a rest."""
+    rows = [("held", one) for one in rest["reactions"]] + [("load", one) for one in rest["loads"]]
+    largest = {
+        name: max((np.linalg.norm(one[name]) for _, one in rows), default=0.0)
+        for name in ("force", "torque")
+    }
+
+    def words(one: Mapping[str, Any], name: str, unit: str) -> str:
+        vector = np.asarray(one[name], dtype=float)
+        if np.linalg.norm(vector) <= BALANCED * largest[name]:  # round-off of what balances
+            return "0"
+        return vector_words(vector, unit)
+
+    return [
+        {
+            "does": does,
+            "place": one["place"] or ("its support" if does == "held" else "its surface"),
+            "force": words(one, "force", "N"),
+            "torque": words(one, "torque", "N m"),
+            "area": area_words(one["area"]) if "area" in one else "",
+            "fixed": f"{one['on_fixed']:.0%}" if "on_fixed" in one else "",
+        }
+        for does, one in rows
+    ]
 
 
 def _holds_of_scenario(scene: Scene) -> Iterator[Hold]:

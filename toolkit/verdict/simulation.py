@@ -24,7 +24,8 @@ from ...fem.solve.result import Modes, MotionResult, ParticleRun, SagResult
 from ...fem.uncertainty import Draws, Exact, ranged_answers
 from ..asset.document import mesh_document
 from ..driving import DriveRecord
-from .description import describe, vector_words
+from ..meshing.messages import listed
+from .description import describe
 from .verdict import Check, as_table, in_a_line, si, with_doubts
 
 
@@ -43,7 +44,7 @@ class Simulation(ABC):
     moved with the mesh, ``materials`` the row of the table that each part is of, ``draws`` what a
     predictor drew of parts that are of none, ``exact`` which numbers of a part were stated,
     ``differences`` what the mesh has otherwise than the file that it was made of; ``size_stated``:
-    the user gave the size or the unit of that file.
+    the user gave the size or the unit of that file; ``guesses``: parts whose material is one.
     """
 
     scene: Scene
@@ -54,6 +55,7 @@ class Simulation(ABC):
     materials: Mapping[str, str] = field(default_factory=dict)
     differences: tuple[str, ...] = ()
     size_stated: bool = False
+    guesses: tuple[str, ...] = ()
     draws: Draws = field(default_factory=dict)
     exact: Exact = field(default_factory=dict)
     files: tuple[Path, ...] = ()
@@ -131,13 +133,21 @@ class Simulation(ABC):
         return ()
 
     def verdicts(self) -> list[Check]:
-        """Whether the mesh is the file's body, then every check, those in doubt marked so."""
-        return with_doubts(self._checked, self.differences)
+        """Whether the body is known, then every check, those in doubt marked so."""
+        return [*self._judged]
 
     @cached_property
-    def _checked(self) -> Sequence[Check]:
-        """The checks: what is printed, written and reported is judged once."""
-        return self.checks()
+    def _judged(self) -> Sequence[Check]:
+        """What is printed, written and reported is judged once."""
+        found: list[Check] = []
+        if self.differences:
+            said = Note("checks.differs", how="; ".join(self.differences))
+            found.append(Check("body", "failed", said))
+        if self.guesses:
+            rows = dict.fromkeys(self.materials.get(part, "") for part in self.guesses)
+            told = {"parts": listed(self.guesses), "materials": ", ".join(rows)}
+            found.append(Check("materials", "doubtful", Note("checks.guessed", **told)))
+        return with_doubts([*found, *self.checks()])
 
     def write(self, path: Path) -> list[Path]:
         """Write the state shown as .vtu or .vtk, the motion as .pvd or .glb; return the files."""
@@ -165,6 +175,7 @@ class Simulation(ABC):
             "scene": [acting._asdict() for acting in describe(self.scene)],
             self.kind: {
                 **self.numbers,
+                "solution": dict(self.solution),
                 "verdicts": [found.document() for found in self.verdicts()],
             },
             "seconds": self.seconds,
@@ -216,8 +227,8 @@ class StaticSimulation(Simulation):
                 for load in self.scene.tractions
             ],
             "frequencies": self.frequencies,
-            "order": static.order,
             "law": static.law,
+            "order": static.order,
             "gap": self.solved.discretisation_error,
             "residual": static.residual,
             "iterations": static.iterations,
@@ -226,7 +237,7 @@ class StaticSimulation(Simulation):
 
     @property
     def solution(self) -> tuple[tuple[str, str], ...]:
-        """Law and elements, solver, and what the supports carry."""
+        """Law and elements, and solver."""
         static = self.solved.static
         solver = static.solver or "Newton's method"
         if static.iterations and not static.solver.count(" after "):  # which counts them itself
@@ -235,7 +246,6 @@ class StaticSimulation(Simulation):
         return (
             ("Law and elements", f"{LAWS[static.law].title}, {elements} tets"),
             ("Solver", f"{solver}, residual {static.residual:.1g}"),
-            ("Force of the supports", vector_words(static.reaction.sum(axis=0), "N")),
         )
 
     @cached_property
@@ -277,14 +287,26 @@ class StaticSimulation(Simulation):
 
     def checks(self) -> Sequence[Check]:
         """Shape, buckling, mesh, explicit step, size, standing, strength, frequency, range."""
-        from .checks import first_frequency, span_of_answers, static_checks, stays_upright, strength
+        from .checks import (
+            first_frequency,
+            loads_reach,
+            span_of_answers,
+            static_checks,
+            stays_upright,
+            strength,
+            strength_unmade,
+        )
 
+        names, used = self.mesh.region_names, np.unique(self.mesh.region)
+        unknown = {names[k] for k in used} - {one.part for one in self.safety}
         known = self.intervals or {}
         softest = known.get("load_factor")
         checks = [
             *static_checks(self.solved, size_stated=self.size_stated, load_factors=softest),
+            *loads_reach(self.scene),
             *stays_upright(self.solved, self.scene),
             *(strength(one, self.solved.discretisation_error) for one in self.safety),
+            *strength_unmade(sorted(unknown), self.materials, rests=self.solved.trusted),
         ]
         if self.modes is not None or self.modes_unmade:
             checks.append(first_frequency(self.modes, self.modes_unmade))

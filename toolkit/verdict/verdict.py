@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from html import escape
 from typing import Any, Literal
@@ -28,9 +28,25 @@ PARAMETERS = {
     "distinguishable": "scenario", "dial": "set", "energy": "solver", "fast swing": "scenario",
     "size": "size", "mass": "wall", "body": "edge_length", "inside band": "material",
 }  # fmt: skip
-OF_A_REST = ("holds shape", "buckling", "upright", "strength")
-# Checks whose answer is another one where the mesh is another body than the file.
-OF_THE_BODY = (*OF_A_REST, "first frequency", "range", "mass")
+# What the answer of every check rests on: one that passed is in doubt where any of these is.
+BODY = ("body", "size", "materials", "loads")
+MESH = ("discretisation", "locking")
+RESTS_ON = {
+    "holds shape": (*BODY, *MESH, "buckling"),
+    "buckling": (*BODY, *MESH),
+    "upright": (*BODY, "buckling"),
+    "strength": (*BODY, *MESH, "buckling"),
+    "first frequency": (*BODY, *MESH),
+    "range": (*BODY, *MESH),
+    "mass": BODY,
+    "explicit step": ("size", "materials"),
+    "inside band": ("materials",),
+    "distinguishable": ("size", *MESH),
+    "contact": (*BODY, *MESH, "impact", "energy", "no penetration"),
+    "breakage": (*BODY, "energy", "particles"),
+    "energy": ("particles",),
+    "reduced model": ("locking",),
+}
 
 
 @dataclass(frozen=True)
@@ -84,10 +100,15 @@ class Check:
         return marks[self.outcome]
 
     @property
+    def detail(self) -> str:
+        """Its name, as JSON calls it."""
+        return self.name
+
+    @property
     def advice(self) -> str:
-        """What to do about it, where it failed."""
-        failed = self.outcome == "failed"
-        return (failed and template(f"advice.{self.name.replace(' ', '_')}")) or ""
+        """What to do about it, where it failed, or is in doubt by itself."""
+        wanted = self.outcome == "failed" or (self.outcome == "doubtful" and not self.why)
+        return (wanted and template(f"advice.{self.name.replace(' ', '_')}")) or ""
 
     def document(self) -> dict[str, Any]:
         """Return its row in ``--json``."""
@@ -96,31 +117,30 @@ class Check:
         return told | {name: getattr(self, name) for name in names}
 
 
-def with_doubts(checks: Sequence[Check], differences: Sequence[str] = ()) -> list[Check]:
-    """Checks, those that passed in doubt where another one, or the mesh, leaves them so.
+def with_doubts(checks: Sequence[Check]) -> list[Check]:
+    """Checks, in doubt where what they rest on did not pass; a line at the end says which and why.
 
-    That is where another check of a rest was not made, where the size is that of another unit, and
-    where the mesh has ``differences`` from its file, which come first.
+    A check that failed, is doubtful or was not made leaves in doubt what ``RESTS_ON`` it.
     """
-    found = list(checks)
 
-    def doubt(names: Sequence[str], why: str) -> None:
-        for k, one in enumerate(found):
-            if one.outcome in ("passed", "doubtful") and one.name in names and why not in one.why:
-                sentence, reason = f"{one.sentence} {why}", f"{one.why} {why}".strip()
-                found[k] = replace(one, outcome="doubtful", sentence=sentence, why=reason)
+    def named(names: Iterable[str]) -> str:
+        words = [template(f"named.{name.replace(' ', '_')}") or name for name in names]
+        return ", ".join(dict.fromkeys(words))
 
+    unsure, found = {one.name for one in checks if one.outcome != "passed"}, []
+    causes: list[str] = []
+    doubted: list[str] = []
     for one in checks:
-        if one.name == "buckling" and one.outcome == "not made":
-            doubt(OF_A_REST, Note("doubts.buckling"))
-        if one.name == "discretisation" and one.outcome == "not made":
-            doubt(OF_A_REST, Note("doubts.discretisation"))
-        if one.name == "size" and one.outcome == "failed":
-            doubt(OF_THE_BODY, Note("doubts.size"))
-    if not differences:
-        return found
-    doubt(OF_THE_BODY, Note("doubts.body"))
-    return [Check("body", "failed", Note("checks.differs", how="; ".join(differences))), *found]
+        why = [name for name in RESTS_ON.get(one.name, ()) if name in unsure]
+        if why and one.outcome == "passed":
+            one = replace(one, outcome="doubtful", why=named(why))
+            causes += why
+            doubted.append(one.name)
+        found.append(one)
+    if causes:
+        said = Note("checks.in_doubt", causes=named(causes), doubted=named(doubted))
+        found.append(Check("doubts", "doubtful", said))
+    return found
 
 
 _COLUMNS = ("part", "material", "E", "nu", "kg/m³", "mass", "because")

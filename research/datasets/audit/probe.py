@@ -193,7 +193,7 @@ class Probe:
         solver = MpmSolver(
             given,
             grid_around(low - room, high + room, spacing),
-            walls=support_boundaries(self._mesh, self._supports, spacing, load.duration),
+            walls=support_boundaries(self._mesh, self._supports, given.x, spacing, load.duration),
             gravity_vector=load.acceleration * SLOPE,
             lagrangian=bool((kinds == MaterialClass.JELLY).all()),
         )
