@@ -398,7 +398,8 @@ def _grid_places(
 class Followers:
     """Points that follow the particles around them: x' = sum w (x_j + F_j (X - X_j)).
 
-    ``near`` are the particles j of every point, ``weights`` w of sum one, ``arms`` X - X_j [m].
+    ``near`` are the particles j of every point, nearest first, ``weights`` w of sum one at rest,
+    ``arms`` X - X_j [m]. Across a crack a point follows its own side only.
     """
 
     near: Int[np.ndarray, "n k"]
@@ -437,11 +438,24 @@ class Followers:
     def positions(self, state: ParticleState) -> Float[np.ndarray, "n 3"]:
         """Positions [m] of the points."""
         moved = state.x[self.near] + np.einsum("nkij,nkj->nki", state.F[self.near], self.arms)
-        return np.einsum("nk,nki->ni", self.weights, moved)
+        return np.einsum("nk,nki->ni", self._weights_now(state), moved)
 
     def gradients(self, state: ParticleState) -> Float[np.ndarray, "n 3 3"]:
         """Deformation gradient at every point."""
-        return np.einsum("nk,nkij->nij", self.weights, state.F[self.near])
+        return np.einsum("nk,nkij->nij", self._weights_now(state), state.F[self.near])
+
+    def _weights_now(self, state: ParticleState) -> Float[np.ndarray, "n k"]:
+        """Weights that fade as a particle comes off the nearest one by as much as it was away.
+
+        What comes off is what the mean of both gradients does not tell: the opening of a crack.
+        """
+        first, across = self.near[:, :1], self.arms[:, :1] - self.arms
+        F = (state.F[first] + state.F[self.near]) / 2
+        off = state.x[self.near] - state.x[first] - np.einsum("nkij,nkj->nki", F, across)
+        away = np.linalg.norm(across, axis=2)
+        opening = np.linalg.norm(off, axis=2) / np.where(away > 0, away, 1.0)
+        weights = self.weights * np.clip(1 - opening, 0.0, 1.0)
+        return weights / weights.sum(axis=1, keepdims=True)
 
 
 def particle_forces(

@@ -69,7 +69,7 @@ def cylinder(radius, length, across, along):
     return TetMesh.oriented(np.stack(round_, axis=1), flat.tets)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_rod_that_is_turned_keeps_its_radius_and_volume(tmp_path):
     """A torque of 1.5 G J / L turns its end by 1.5 rad; radius and volume stay."""
     R, length, modulus = 0.01, 0.2, 1e9

@@ -64,6 +64,20 @@ def test_points_follow_an_affine_motion_exactly():
     assert (follow.near[:25] < 100).all()
 
 
+def test_points_beside_a_crack_follow_their_own_side():
+    """A cube of particles comes apart rigidly: every point moves as the particle beside it."""
+    rest = np.stack(np.meshgrid(*3 * [np.arange(6) + 0.5]), axis=-1).reshape(-1, 3)
+    points = np.random.default_rng(0).random((200, 3)) * 6
+    none = {"labels": np.zeros(200, int), "parts": np.zeros(216, int)}
+    follow = Followers.of(points, rest, **none)
+    A, opening = random_rotation(1), np.array([2.0, 0.0, 0.0])
+    side = (rest[:, 0] > 3)[:, None] * opening
+    F = np.tile(A, (216, 1, 1))
+    state = ParticleState(0.0, rest @ A.T + side, rest, F, np.zeros(216))
+    wanted = points @ A.T + (points[:, 0] > 3)[:, None] * opening
+    assert np.allclose(follow.positions(state), wanted, atol=1e-12)
+
+
 def moved(scene, grid, **given):
     return MpmMethod(grid=grid, **given).solve(scene)
 
