@@ -211,7 +211,9 @@ def main() -> None:
     """Print what came out of each set."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0], allow_abbrev=False)
     parser.add_argument("--sets", nargs="*", choices=SETS, default=SETS, help="default: these all")
-    parser.add_argument("--held-out", action="store_true", help="the tenth too: a look, written down")
+    parser.add_argument(
+        "--held-out", action="store_true", help="the tenth too: a look, written down"
+    )
     parser.add_argument("--wrong", action="store_true", help="list what is wrong (not held out)")
     parser.add_argument("--json", action="store_true")
     options, others = parser.parse_known_args()
@@ -224,7 +226,8 @@ def main() -> None:
                 rows[-1]["scored_times"] = looked(rows[-1], others)
             if not options.json:
                 print(text_of(rows[-1], scores))
-            for score in scores if options.wrong and name not in HELD_OUT else ():
+            listed = scores if options.wrong and name not in HELD_OUT else ()
+            for score in listed:
                 if not score.right:
                     print(score)
     if options.json:
