@@ -103,9 +103,6 @@ class Vibrations(NamedTuple):
             lies = rest.node_displacement * (rest.law != Law.LINEAR)
             following = FollowingLoads(self.mesh, self.grid.space, self.tractions, self.held.fixed)
             add_blocks(matrix, *following.stiffness(lies))
-            apply_supports(matrix, self.held.fixed, self.held.springs)
-            return matrix
-        matrix.values.assign(values)
         apply_supports(matrix, self.held.fixed, self.held.springs)
         return matrix
 
