@@ -21,12 +21,7 @@ from ..elements.assembly import (
     linear_stiffness,
     node_supports,
 )
-from ..elements.elastic import (
-    ElasticBody,
-    displacement_gradients,
-    geometric_stiffness,
-    linear_stress,
-)
+from ..elements.elastic import ElasticBody, displacement_gradients, linear_stress, stress_stiffness
 from ..elements.following import FollowingLoads
 from ..elements.forces import consistent_mass, diagonal_mass, lumped_mass
 from ..elements.space import Space, affordable_order, element_points, extend_linear
@@ -98,8 +93,7 @@ class Vibrations(NamedTuple):
         if rest is not None and rest.law == Law.LINEAR:
             points = element_points(self.grid.space.order)
             H = displacement_gradients(self.grid, rest.node_displacement, points)
-            K_sigma = geometric_stiffness(self.grid, linear_stress(H, material))
-            values += K_sigma.data[:, None, None] * np.eye(3)
+            values += stress_stiffness(self.grid, linear_stress(H, material)).values.numpy()
         matrix.values.assign(values)
         if rest is not None:
             lies = rest.node_displacement * (rest.law != Law.LINEAR)

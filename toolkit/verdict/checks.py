@@ -94,7 +94,7 @@ def holds_shape(result: SagResult) -> Check:
 
 
 def attached(result: SagResult) -> tuple[Check, ...]:
-    """Pieces that touch nothing held, and were held where they are; nothing where there are none."""
+    """Pieces that touch nothing held, and were held where they are; nothing where none do."""
     if result.assumed <= CRUMBS:
         return ()
     said = Note("checks.attached_to_nothing", fraction=percent(result.assumed))
