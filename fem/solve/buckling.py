@@ -23,8 +23,9 @@ from ..scene.supports import Supports
 from .modal import ConstrainedInverse, constrained_inverse
 from .result import LoadFactor, StaticResult
 
-# Relative accuracy of the load factor: far below that of the elements.
-TOLERANCE = 1e-4
+# Relative accuracy of a load factor up to the second, far below that of the elements; that of a
+# larger one is less as it grows, for it is told to be far.
+TOLERANCE, NEAR = 1e-4, 10.0
 # Most steps of Lanczos, and the least before it says that there is nothing to find.
 STEPS, LEAST = 80, 10
 # Where no factor is affordable CG solves to this relative residual, while there are so many tets: a
@@ -110,6 +111,6 @@ def _largest_eigenvalue(
         error = rest * abs(mode[-1, -1])
         if value[-1] + error < 1 / LARGEST and step + 1 >= LEAST:
             return 0.0, v
-        if error <= TOLERANCE * abs(value[-1]):
+        if error <= TOLERANCE * max(value[-1], 1 / NEAR):
             return float(value[-1]), np.tensordot(mode[:, -1], basis[: step + 1], axes=1)
     raise ConvergenceError("buckling.load_factor", steps=STEPS, value=1 / value[-1])

@@ -51,9 +51,11 @@ MAX_ITERATIONS = 200
 # Lanczos stops when the error of every mode in mass is this share of it; blocks are this wide and
 # at most so many: one run through the factor costs little more for a few vectors than for one.
 CONVERGED = 1e-6
-# Vibrations are found anew where the load changes the squares of their frequencies by more than
-# this share: below it those of the slowest together are good to its square.
+# A load that changes the squares of frequencies by more than this share is told of.
 NOTICED = 1e-2
+# Up to this share others do not come before them: they follow by so many corrections at most, to
+# this residual; else they are found anew.
+FOLLOWED, CORRECTIONS, SETTLED = 0.1, 4, TOLERANCE / 3
 WIDEST, MOST_BLOCKS = 8, 60
 # The shift of a body that can move freely: a share of the square of its slowest wave's frequency.
 SHIFT = 0.05
@@ -206,17 +208,13 @@ def natural_modes(
     square, x = solve(problem, matrix, count)
     noticed = False
     if rest is not None:
-        # What the load changes among the slowest vibrations; where that is much, all anew
-        problem, unloaded = problem._replace(rest=rest, tractions=tractions), matrix
-        matrix = problem.stiffness().to("cpu")
-        change = x.T @ (matrix.to_scipy() - unloaded.to("cpu").to_scipy()) @ x
-        root = np.sqrt(np.outer(square, square))
-        noticed = bool(np.abs(change / root).max() > NOTICED)
-        if noticed:
-            square, x = solve(problem, matrix, count)
-        else:
-            square, along = np.linalg.eigh(np.diag(square) + (change + change.T) / 2)
-            x = x @ along
+        # What the load changes of the slowest vibrations, among themselves and what they lack
+        problem = problem._replace(rest=rest, tractions=tractions)
+        loaded, matrix = problem.stiffness().to("cpu"), matrix.to("cpu")
+        noticed, square, x = _loaded(problem, matrix, loaded, square, x)
+        if x is None:
+            square, x = solve(problem, loaded, count)
+        matrix = loaded
         if not square[0] > 0:
             raise ConvergenceError("modal.not_stable")
     weighed = problem.weigh(x)
@@ -347,6 +345,40 @@ def _factored(
     pairs = lanczos(inverse, problem.weigh, start, enough=enough, steps=MOST_BLOCKS)
     square = 1 / pairs.values[: rigid + count] - shift
     return square[rigid:], pairs.vectors(rigid + count)[:, rigid:]
+
+
+def _loaded(
+    problem: Vibrations,
+    unloaded: BlockMatrix,
+    matrix: BlockMatrix,
+    square: np.ndarray,
+    x: np.ndarray,
+) -> tuple[bool, np.ndarray, np.ndarray | None]:
+    """Whether a load changes vibrations by more than ``NOTICED``, and which they are under it.
+
+    ``square`` and ``x`` (3 nodes, count) are those of the ``unloaded`` stiffness. Their residual
+    under the loaded ``matrix``, through the factor of the unloaded one, is what they lack: the
+    lowest in the span of both are taken. Without a factor, or where that is not enough: None.
+    """
+    from scipy.linalg import eigh
+
+    count, K = x.shape[1], matrix.to_scipy()
+    pushed, root = K @ x, np.sqrt(np.outer(square, square))
+    change = float(np.abs((x.T @ pushed - np.diag(square)) / root).max())
+    factor = find_factor(unloaded, planned_elimination(unloaded, problem.body.grid.space.edges))
+    for _ in range(CORRECTIONS if change < FOLLOWED else 0):
+        weighed = problem.weigh(x)
+        square, along = (part[..., :count] for part in eigh(x.T @ pushed, x.T @ weighed))
+        x, weighed = x @ along, weighed @ along * square
+        wrong = pushed @ along - weighed
+        if (np.linalg.norm(wrong, axis=0) / np.linalg.norm(weighed, axis=0)).max() < SETTLED:
+            return change > NOTICED, square, x
+        if factor is None:
+            break
+        lacks = factor.solve(wrong.reshape(len(problem.free), 3, -1)).reshape(x.shape)
+        x = np.linalg.qr(np.column_stack([x, lacks]))[0]
+        pushed = K @ x
+    return change > NOTICED, square, None
 
 
 def _lobpcg(problem: Vibrations, matrix: BlockMatrix, count: int) -> tuple[np.ndarray, np.ndarray]:

@@ -40,8 +40,8 @@ class SingularPlace(NamedTuple):
     """Connected points of a mesh where stress has no bound: it grows as the mesh is refined.
 
     ``kind`` is one of ``PLACES``, ``centre`` (3,) [m] the mean of its points and ``radius`` [m] how
-    far they reach, ``exponent`` that of the displacement by the distance [1], ``share`` what it has
-    of the squared error in energy [1].
+    far the tets around them reach, ``exponent`` that of the displacement by the distance [1],
+    ``share`` what it has of the squared error in energy [1].
     """
 
     kind: str

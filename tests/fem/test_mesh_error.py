@@ -16,7 +16,7 @@ from autophyx_tet.fem.scene.loads import resultant, spread_force
 from autophyx_tet.fem.scene.scene import Scene
 from autophyx_tet.fem.scene.supports import Supports
 from autophyx_tet.fem.solve.equilibrium import StaticMethod
-from autophyx_tet.fem.solve.mesh_error import wedge_exponent
+from autophyx_tet.fem.solve.mesh_error import wedge_exponents
 from autophyx_tet.fem.solve.modal import ModalMethod
 from autophyx_tet.fem.solve.refinement import bisected, largest_error, refine_scene
 from autophyx_tet.fem.solve.result import SAFETY
@@ -134,7 +134,8 @@ def test_along_the_grain():
     ],
 )
 def test_exponents_of_corners(angle, held, exponent):
-    assert wedge_exponent(angle, 0.3, held=held) == pytest.approx(exponent, abs=5e-4)
+    found = wedge_exponents(np.array([float(angle)]), np.array([0.3]), np.array([held]))
+    assert found == pytest.approx(exponent, abs=5e-4)
 
 
 def test_an_inner_corner_is_named_where_it_is():

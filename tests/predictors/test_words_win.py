@@ -136,7 +136,7 @@ def test_what_is_told_of_an_unknown_word_is_what_the_mesh_holds(tmp_path):
     assert read_as_unknown >= 5  # or the loop above looked at no such line
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_run_records_an_unknown_word_as_a_guess(tmp_path):
     """``run.json`` of a box of "xyzzy": the material that the warning names, and a guess."""
     trimesh.creation.box((0.1, 0.1, 0.1)).export(tmp_path / "box.stl")
