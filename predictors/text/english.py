@@ -128,6 +128,10 @@ class LanguageModel:
             for base in self._bases(word, kind)
         )
 
+    def is_noun(self, word: str) -> bool:
+        """Whether a lower-case word is a noun, and no colour or participle that is one too."""
+        return self.is_word(word, ("noun",)) and not self.is_word(word, ("adj",))
+
     def singular(self, word: str, known: Collection[str] = ()) -> str:
         """Return the singular of a lower-case noun: "knives" -> "knife", "glass" -> "glass".
 

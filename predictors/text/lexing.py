@@ -113,7 +113,7 @@ def lex(text: str, lexicon: ReaderLexicon, names: Sequence[str]) -> Lexed:
     lexemes = [
         replace(
             x, tag=token.tag_, dep=token.dep_,
-            note=x.note or "; ".join(n for at, n in mended.items() if x.start <= at < x.end),
+            note=x.note or next((n for at, n in mended.items() if x.start <= at < x.end), ""),
         )
         for x, token in zip(lexemes, lexicon.model.doc(shown) if shown else (), strict=True)
     ]  # fmt: skip
@@ -174,12 +174,12 @@ def _mended_spelling(
         near = None if glued else _nearest(cut[i], lexicon, known)
         if near:
             mended[i] = cut[i]._replace(stem=near, text=near)
-            notes[cut[i].start] = f"read {cut[i].text!r} as {near!r}"
+            notes[cut[i].start] = Note("lexing.spelt", word=cut[i].text, near=near)
     for i, (atom, after) in enumerate(pairwise(mended)):  # "caste iron"
         near = None if atom.stem in known else _near_phrase(atom, after, lexicon)
         if near:
             mended[i] = atom._replace(stem=near, text=near)
-            notes[atom.start] = f"read {atom.text!r} as {near!r}"
+            notes[atom.start] = Note("lexing.spelt", word=atom.text, near=near)
     left = [i for i in odd if mended[i] is cut[i]]
     strange = {cut[i].start for i in left}
     long = sum(atom.text.isalpha() and len(atom.text) >= SHORTEST_MENDED for atom in cut)

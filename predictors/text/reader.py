@@ -822,18 +822,33 @@ def clause_of(text: str, draft: Draft, lexicon: ReaderLexicon) -> Clause:
     meant = lexicon.meant(draft.unknown.lower()) if not (draft.material or liquid) else ()
     if meant and len(draft.unknown) > SHORT:
         draft.material, draft.phrase = lexicon.rows[meant], meant[0]
-        draft.notes.append(f"read {draft.unknown!r} as {meant[0]!r}")
+        draft.notes.append(Note("lexing.spelt", word=draft.unknown, near=meant[0]))
     heads, fired = {name[-1] for name in names}, words()["fired"]
     if draft.phrase.lower() in fired and heads & {*fired["things"]}:
         draft.material = lexicon.first_row([fired[draft.phrase.lower()]]) or draft.material
     # What of a draft was guessed or left out
-    strange = (
+    strange = [
         x.text for x in draft.lexemes
         if x.role == "word" and not (x.known or x.part or x.text in draft.unknown)
         and not x.text.endswith("ed")  # a treatment that no dictionary has: "rotomoulded"
-    )  # fmt: skip
-    left = [*draft.left, *(strange if draft.material else ())]
+    ]  # fmt: skip
+    left = [*draft.left, *strange * bool(draft.material)]
+    # Beside a matter by its own name a code, a brand or a treatment changes nothing; not so where
+    # that name was mended, or is a family's with the word before it: "brondium alloy"
+    mended = any(getattr(x.note, "kind", "") == "lexing.spelt" for x in draft.lexemes)
+    plain = draft.material and not (draft.kind or mended)
+    head = draft.phrase if plain and not draft.material.grade and " " not in draft.phrase else ""
+    idle = [
+        word for word in left
+        if plain and not lexicon.rows.get(lexicon.phrase(word))
+        and not (head and word.isalpha() and re.search(rf"{word}[ -]{re.escape(head)}", text))
+        and word not in words()["states"]["words"] and not lexicon.model.is_noun(word.lower())
+    ]  # fmt: skip
+    left = [word for word in left if word not in idle]
     told = [Note("reader.beside_left", word=word) for word in left]
+    if idle:
+        said = ", ".join(map(repr, dict.fromkeys(idle)))
+        told.append(Note("reader.beside_idle", words=said, phrase=draft.phrase))
     if draft.material:
         states = {*words()["states"]["words"]} - lexicon.row_words(draft.material)
         at = next((x.start for x in draft.lexemes if x.text == draft.phrase), 0)
