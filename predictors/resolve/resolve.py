@@ -41,7 +41,7 @@ from ..text.english import words
 from ..text.numerals import Comparison, Measure, Quantity
 from ..text.parts import LISTS, STRUCTURE, NamedPart, parts_called, stem, vocabulary_of
 from ..text.reader import parse
-from .numbers import as_stated, may_have, rubber_of, with_numbers
+from .numbers import as_stated, may_have, row_by_numbers, rubber_of, with_numbers
 from .similarity import RowKernel
 
 _WHOLE = Subject("whole")
@@ -577,6 +577,8 @@ class Decider:
         ``volume`` [m^3] is that of all parts of which the same is said.
         """
         choice = self._row_of(part, statement)
+        row = row_by_numbers(choice.row, self.table, statement.numbers, statement.first("stiffness"))
+        choice = replace(choice, row=row)
         if statement.override:
             choice = replace(choice, why=f"override: {statement.override!r}", settled=True)
         # E and rho where they are said to be: in the row's range, or absolutely
@@ -680,7 +682,8 @@ class Decider:
             return _choice(
                 part, row, Note("resolve.covers", coating=coating), guessed=True, doubts=(doubt,)
             )
-        if deciding is None or statement.unknown is not None:
+        level = statement.first("stiffness") or statement.first("density")
+        if deciding is None or (statement.unknown is not None and not level):
             # Choose the row nearest in meaning to the part's name; the common ones if all are far
             query = _query(part, statement)
             common = {self.table.exact(word).name for word in COMMON}

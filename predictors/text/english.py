@@ -6,6 +6,7 @@ import hashlib
 import re
 import sys
 import tomllib
+import unicodedata
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -74,6 +75,12 @@ class Lexeme:
 def words() -> Mapping[str, Any]:
     """Words by role: ``data/words.toml``."""
     return tomllib.loads((DATA / "words.toml").read_text(encoding="utf-8"))
+
+
+def bare(word: str) -> str:
+    """A word in small letters without accents: "Füße" -> fusse."""
+    plain = unicodedata.normalize("NFD", word.casefold())
+    return "".join(c for c in plain if not unicodedata.combining(c))
 
 
 def is_glue(text: str, sign: Atom) -> bool:
