@@ -12,7 +12,7 @@ from autophyx_tet.fem.solve.equilibrium import StaticMethod
 from autophyx_tet.fem.solve.nonlinear import solve_nonlinear
 from autophyx_tet.fem.solve.statics import solve_static
 from autophyx_tet.toolkit.verdict import checks as verdicts
-from autophyx_tet.toolkit.verdict.verdict import with_doubts
+from autophyx_tet.toolkit.verdict.check import with_doubts
 from scipy.optimize import brentq
 from scipy.special import ellipk
 

@@ -251,7 +251,7 @@ def _size(document: Document) -> str:
 
 def _verdicts(document: Document) -> Iterator[str]:
     """What was found, and what to do about it."""
-    from ..verdict.verdict import MARKS
+    from ..verdict.check import MARKS
 
     for found in document["verdicts"]:
         yield " ".join(filter(None, (MARKS[found["mark"]], found["sentence"], found["advice"])))

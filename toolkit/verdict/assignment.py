@@ -19,7 +19,7 @@ from ...predictors.field import MaterialField
 from ..asset.document import BodyRecord, Sidecar, is_guess, mesh_document
 from ..meshing.messages import listed
 from ..walls import FAR_APART, BuiltPart
-from .verdict import Check, as_table, in_a_line
+from .check import Check, as_table, in_a_line
 
 if TYPE_CHECKING:
     from ...converters.transfer import SampledMesh

@@ -32,7 +32,7 @@ from ...fem.solve.result import (
 )
 from ...fem.uncertainty import Interval, Likely
 from ..meshing.messages import listed
-from .verdict import Check, Outcome
+from .check import Check, Outcome
 
 # A body holds its shape if no point moves more than this fraction of its longest side.
 HOLDS = 0.05
