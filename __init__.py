@@ -50,7 +50,7 @@ _HOME = {
     "FeatureOptions": "toolkit.options",
     "BatchOptions": "toolkit.options",
     "WallOptions": "toolkit.options",
-    "Check": "toolkit.verdict.verdict",
+    "Check": "toolkit.verdict.check",
     "AutophyxError": "fem.errors",
     "UsageError": "fem.errors",
     "InputError": "fem.errors",

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from autophyx_tet.fem.errors import InputError
 from autophyx_tet.fem.note import Note
-from autophyx_tet.toolkit.verdict.verdict import RESTS_ON
+from autophyx_tet.toolkit.verdict.check import RESTS_ON
 
 ROOT = Path(__file__).resolve().parent.parent
 ROOMS = ("fem", "converters", "predictors", "toolkit", "research")

@@ -7,13 +7,17 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from ..device import single_threaded
-from ..elements.assembly import constrained_stiffness, discretise, node_supports
-from ..elements.elastic import displacement_gradients, linear_stress, stress_stiffness
+from ..elements.assembly import node_supports
+from ..elements.elastic import (
+    constrained_stiffness,
+    displacement_gradients,
+    linear_stress,
+    stress_stiffness,
+)
 from ..elements.following import FollowingLoads
 from ..elements.space import element_points
 from ..errors import ConvergenceError, InputError
 from ..laws.law import Law
-from ..mesh import material_of
 from ..scene.loads import Traction
 from ..scene.supports import Supports
 from .modal import ConstrainedInverse, constrained_inverse
@@ -50,18 +54,17 @@ def find_load_factor(
     """
     if result.law != Law.LINEAR:
         raise InputError("buckling.load_factor_under", law=result.law, value=Law.LINEAR.value)
-    grid = discretise(result.mesh, result.order)
-    held = node_supports(supports, grid.space)
-    material, points = material_of(result.mesh), element_points(grid.space.order)
-    stress = linear_stress(displacement_gradients(grid, result.node_displacement, points), material)
+    body, grid = result.body, result.body.grid
+    held, points = node_supports(supports, grid.space), element_points(grid.space.order)
+    H = displacement_gradients(grid, result.node_displacement, points)
     affordable = len(result.mesh.tets) <= MOST_TETS
-    matrix = constrained_stiffness(grid, material, held)
+    matrix = constrained_stiffness(body, held)
     inverse = constrained_inverse(matrix, grid.space, held, rough=ROUGH if affordable else 0.0)
     if inverse is None:
         raise ConvergenceError("buckling.tets_shape", count=len(result.mesh.tets))
     free = ~held.fixed
     free[grid.space.unused] = False
-    stressed = stress_stiffness(grid, stress)
+    stressed = stress_stiffness(grid, linear_stress(H, body.material))
     start = np.where(free, np.random.default_rng(0).normal(size=free.shape), 0.0)
     following = FollowingLoads(result.mesh, grid.space, traction, held.fixed)
     i, j, turning = following.stiffness(np.zeros_like(start))

@@ -13,12 +13,11 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ..device import single_threaded
-from ..elements.assembly import discretise, node_supports
+from ..elements.assembly import node_supports
 from ..elements.cubic import CubicElements
-from ..elements.elastic import ElasticBody, linear_stress, von_mises
+from ..elements.elastic import linear_stress, von_mises
 from ..elements.forces import edge_nodes
 from ..elements.space import EDGES, Space
-from ..laws.law import Law
 from ..linalg.solver import Inverse
 from ..mesh import TetMesh, material_of, tet_area_vectors
 from ..scene.loads import Traction
@@ -328,8 +327,7 @@ def estimate_error(
         work = total / doubled
         displaced = max(displaced, OF_WORK * work)
     # Reactions, place by place
-    body = ElasticBody(discretise(mesh, 2), material_of(mesh), Law.LINEAR)
-    pull = np.where(held.fixed, body.response(moved).force + cubic.forces(own)[0], 0.0)
+    pull = np.where(held.fixed, result.body.response(moved).force + cubic.forces(own)[0], 0.0)
     each = [(np.where(place, f, 0.0).sum(axis=0) for f in (result.reaction, factor * pull))
             for place in held.places]  # fmt: skip
     carried, off = np.linalg.norm([[*pair] for pair in each], axis=2).T if each else ([], [])

@@ -12,16 +12,20 @@ import numpy as np
 from ..device import Recorder, checked_device, single_threaded, start_warp
 from ..elements.assembly import (
     BlockMatrix,
-    Discretisation,
     add_blocks,
     add_diagonal,
     apply_supports,
-    constrained_stiffness,
     discretise,
     linear_stiffness,
     node_supports,
 )
-from ..elements.elastic import ElasticBody, displacement_gradients, linear_stress, stress_stiffness
+from ..elements.elastic import (
+    ElasticBody,
+    constrained_stiffness,
+    displacement_gradients,
+    linear_stress,
+    stress_stiffness,
+)
 from ..elements.following import FollowingLoads
 from ..elements.forces import consistent_mass, diagonal_mass, lumped_mass
 from ..elements.space import Space, affordable_order, element_points, extend_linear
@@ -70,7 +74,7 @@ class Vibrations(NamedTuple):
     """
 
     mesh: TetMesh
-    grid: Discretisation
+    body: ElasticBody
     held: Supports
     free: np.ndarray
     mass: Any
@@ -81,23 +85,23 @@ class Vibrations(NamedTuple):
 
     def stiffness(self, shift: float = 0.0) -> BlockMatrix:
         """K + shift M [N/m], held; M in its own blocks. At ``rest`` what its stress adds to K."""
-        material, rest = material_of(self.mesh), self.rest
+        grid, rest = self.body.grid, self.rest
         if rest is None and not shift:
-            return constrained_stiffness(self.grid, material, self.held)
-        if rest is None or rest.law == Law.LINEAR:
-            matrix = linear_stiffness(self.grid, material)
+            return constrained_stiffness(self.body, self.held)
+        if rest is None:
+            matrix = linear_stiffness(grid, self.body.material)
         else:
-            matrix = ElasticBody(self.grid, material, rest.law).tangent(rest.node_displacement)
+            matrix = rest.body.tangent(rest.node_displacement)
         values = matrix.values.numpy()
         values += shift * self.mass.data[:, None, None] * np.eye(3)
         if rest is not None and rest.law == Law.LINEAR:
-            points = element_points(self.grid.space.order)
-            H = displacement_gradients(self.grid, rest.node_displacement, points)
-            values += stress_stiffness(self.grid, linear_stress(H, material)).values.numpy()
+            points = element_points(rest.order)
+            H = displacement_gradients(grid, rest.node_displacement, points)
+            values += stress_stiffness(grid, linear_stress(H, self.body.material)).values.numpy()
         matrix.values.assign(values)
         if rest is not None:
             lies = rest.node_displacement * (rest.law != Law.LINEAR)
-            following = FollowingLoads(self.mesh, self.grid.space, self.tractions, self.held.fixed)
+            following = FollowingLoads(self.mesh, grid.space, self.tractions, self.held.fixed)
             add_blocks(matrix, *following.stiffness(lies))
         apply_supports(matrix, self.held.fixed, self.held.springs)
         return matrix
@@ -140,8 +144,8 @@ def natural_modes(
     device
         'cpu' or 'cuda'.
     rest, tractions
-        Rest of the same elements and supports about which it vibrates, and its loads on faces [Pa]:
-        stress and pressures change the stiffness.
+        Rest of the same mesh, elements, device and supports about which it vibrates, and its loads
+        on faces [Pa]: stress and pressures change the stiffness.
 
     Returns
     -------
@@ -165,7 +169,13 @@ def natural_modes(
     2.0
     """
     checked_count("modes", count)
-    grid = discretise(mesh, order, checked_device(device))
+    if rest is None:
+        grid = discretise(mesh, order, checked_device(device))
+        body = ElasticBody(grid, material_of(mesh), Law.LINEAR)
+    elif rest.order != order:
+        raise InputError("modal.rest_of_order", order=rest.order, wanted=order)
+    else:
+        body, grid = rest.body, rest.body.grid
     space = grid.space
     held = node_supports(supports or Supports.none(len(mesh.points)), space)
     used = np.ones(len(space.nodes), dtype=bool)
@@ -178,11 +188,10 @@ def natural_modes(
         whole = rigid_motions(mesh.points - mesh.points.mean(axis=0))
         motions = whole[..., : 0 if stopped.any() else 6]
     mass = (diagonal_mass if lumped else consistent_mass)(mesh, grid)
-    material = material_of(mesh)
-    speed2 = float((material.lame.mu / material.rho).min())
+    speed2 = float((body.material.lame.mu / body.material.rho).min())
     problem = Vibrations(
         mesh,
-        grid,
+        body,
         held,
         free,
         mass,
@@ -193,13 +202,11 @@ def natural_modes(
     if count + rigid >= unknowns // 2:
         raise InputError("modal.modes_body", count=count, unknowns=unknowns)
     matrix = problem.stiffness()
-    plan = planned_elimination(matrix, problem.grid.space.edges)
+    plan = planned_elimination(matrix, space.edges)
     solve = _factored if plan.entries <= MOST_ENTRIES else _lobpcg
     square, x = solve(problem, matrix, count)
     noticed = False
     if rest is not None:
-        if rest.order != order:
-            raise InputError("modal.rest_of_order", order=rest.order, wanted=order)
         # What the load changes of the slowest vibrations, among themselves and what they lack
         problem = problem._replace(rest=rest, tractions=tractions)
         loaded, matrix = problem.stiffness().to("cpu"), matrix.to("cpu")
@@ -280,9 +287,10 @@ class ModalMethod:
         modes = natural_modes(scene.mesh, scene.modes, **options)
         if order == 1:
             return modes
-        grid, material = discretise(scene.mesh, 2), material_of(scene.mesh)
+        grid = discretise(scene.mesh, 2)
         held = node_supports(scene.held, grid.space)
-        matrix = constrained_stiffness(grid, material, held)
+        body = ElasticBody(grid, material_of(scene.mesh), Law.LINEAR)
+        matrix = constrained_stiffness(body, held)
         raised = BlockMatrix(matrix.rows, matrix.columns, start_warp().clone(matrix.values))
         square = float((2 * np.pi * modes.frequencies[0]) ** 2)
         mass = lumped_mass(scene.mesh, grid.space)
@@ -310,7 +318,7 @@ def _factored(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Lowest squares of frequencies [1/s^2], and shapes (3 nodes, count), by a factor."""
     rigid, shift, factor = problem.motions.shape[2], 0.0, None
-    plan = planned_elimination(matrix, problem.grid.space.edges)
+    plan = planned_elimination(matrix, problem.body.grid.space.edges)
     if not rigid:  # statics may have made the factor
         try:
             factor = cached_factor(matrix.to("cpu"), plan)
@@ -356,7 +364,7 @@ def _loaded(
     count, K = x.shape[1], matrix.to_scipy()
     pushed, root = K @ x, np.sqrt(np.outer(square, square))
     change = float(np.abs((x.T @ pushed - np.diag(square)) / root).max())
-    factor = find_factor(unloaded, planned_elimination(unloaded, problem.grid.space.edges))
+    factor = find_factor(unloaded, planned_elimination(unloaded, problem.body.grid.space.edges))
     for _ in range(CORRECTIONS if change < FOLLOWED else 0):
         weighed = problem.weigh(x)
         square, along = (part[..., :count] for part in eigh(x.T @ pushed, x.T @ weighed))
@@ -388,7 +396,7 @@ def _lobpcg(problem: Vibrations, matrix: BlockMatrix, count: int) -> tuple[np.nd
     motions = problem.motions.reshape(free.size, -1)[free]
     start = np.random.default_rng(0).normal(size=(K.shape[0], count + 4))
     system = scale(problem.stiffness(problem.slow))
-    cycle = TwoLevel(system, problem.grid.space.nodes, problem.held.fixed)
+    cycle = TwoLevel(system, problem.body.grid.space.nodes, problem.held.fixed)
     r, z = cycle.r, cycle.z
     launch = Recorder(system.matrix.nodes, r.device)
     scaled = launch(k.block_multiply, [system.inverse, r, False, r])

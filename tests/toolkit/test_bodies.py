@@ -11,7 +11,9 @@ from autophyx_tet.fem.errors import InputError, UsageError
 from autophyx_tet.fem.mesh import box_mesh
 from autophyx_tet.fem.solve.self_contact import ipc_toolkit
 from autophyx_tet.toolkit.cli.main import main
+from autophyx_tet.toolkit.options import SimulateOptions
 from autophyx_tet.toolkit.pipeline import simulate
+from autophyx_tet.toolkit.simulation.scenario import changed_options, conditions_of_options
 from autophyx_tet.toolkit.verdict.checks import contact_forces
 from autophyx_tet.toolkit.verdict.description import marks
 
@@ -25,6 +27,11 @@ def cube_msh(tmp_path_factory):
     path = tmp_path_factory.mktemp("bodies") / "cube.msh"
     write_mesh(path, with_uniform(box_mesh((0.1, 0.1, 0.1), (1, 1, 1)), **RUBBER))
     return path
+
+
+def conditions(given):
+    """What a scene is made of, as the options state it or a file does."""
+    return conditions_of_options(changed_options(SimulateOptions(), given))
 
 
 @pytest.mark.slow
@@ -50,9 +57,10 @@ def test_a_body_falls_on_another(cube_msh, tmp_path, capsys):
     assert contact["outcome"] == "not made"
     (tmp_path / "two.toml").write_text(f'[body]\n"{cube_msh}" = [0.01, 0, 0.101]\n')
     known = {"scenario": "drop", "drop_height": 0.001, "order": 1}
-    by_file = simulate(cube_msh, scene=tmp_path / "two.toml", **known)
-    by_name = simulate(cube_msh, body={str(cube_msh): (0.01, 0, 0.101)}, **known)
-    np.testing.assert_array_equal(by_file.displacement, by_name.displacement)
+    in_words = {"body": {str(cube_msh): (0.01, 0, 0.101)}}
+    stated = (conditions({"scene": tmp_path / "two.toml"}), conditions(in_words))
+    assert stated[0] == stated[1]
+    by_name = simulate(cube_msh, **in_words, **known)
     assert len(by_name.mesh.points) == 16
     # Where it was resolved they are told
     followed = by_name.motion.impact._replace(lost=0.0, barrier=0.0, rough=0.0)
@@ -70,9 +78,9 @@ def test_an_obstacle_stops_a_fall(cube_msh, tmp_path, capsys):
     ball = "sphere:0.05,0.05,-0.022,0.02"
     (tmp_path / "ball.toml").write_text(f'obstacle = ["{ball}"]\n')
     known = {"scenario": "drop", "drop_height": 0.01, "order": 1, "self_contact": False}
-    by_file = simulate(cube_msh, scene=tmp_path / "ball.toml", **known)
+    stated = (conditions({"scene": tmp_path / "ball.toml"}), conditions({"obstacle": [ball]}))
+    assert stated[0] == stated[1]
     by_name = simulate(cube_msh, obstacle=[ball], **known)
-    np.testing.assert_array_equal(by_file.displacement, by_name.displacement)
     assert not any("itself" in verdict.sentence for verdict in by_name.verdicts())  # not looked at
     # Its steps do not resolve the impact: forces of frames are told as found, the largest is not
     ground, force = np.max(by_name.numbers["obstacle_forces"], axis=0)

@@ -6,7 +6,7 @@ import pytest
 from autophyx_tet.fem.material import ElementMaterial
 from autophyx_tet.fem.mesh import TetMesh, box_mesh
 from autophyx_tet.toolkit.cli.terminal import show, simulation
-from autophyx_tet.toolkit.verdict.verdict import RESTS_ON
+from autophyx_tet.toolkit.verdict.check import RESTS_ON
 
 BAR = {"fix": ["plane:x<0"], "gravity": 0}
 

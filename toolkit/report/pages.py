@@ -30,11 +30,11 @@ from ...predictors.asset import Asset, UpAxis
 from ..asset.document import SCHEMA, Sidecar, is_guess, now, plain, versions, write_json
 from ..meshing.messages import listed
 from ..meshing.quality import Quality, dihedral_angles, quality
+from ..verdict.check import Check, si
 from ..verdict.checks import gives_way, times
 from ..verdict.description import describe, marks, place_rows
 from ..verdict.run import RunResult, Stopwatch
 from ..verdict.simulation import ModalSimulation, Simulation, StaticSimulation
-from ..verdict.verdict import Check, si
 from .html import Case, Fact, Look, PartRow, ReportContent, TouchBody, report_page, write_report
 from .picture import CAPTION, PARTICLES, feature_png, particle_film, render_png, story
 

@@ -28,8 +28,8 @@ from ...predictors.appearance.surface import skin_of
 from ...predictors.appearance.views import Camera, hemisphere, look_at
 from ...predictors.asset import Asset, UpAxis
 from ...predictors.grid import Grid
+from ..verdict.check import si
 from ..verdict.simulation import Simulation
-from ..verdict.verdict import si
 from .tracer import ColouredSurface, trace
 
 if TYPE_CHECKING:

@@ -32,7 +32,7 @@ from ...fem.solve.result import (
 )
 from ...fem.uncertainty import Interval, Likely
 from ..meshing.messages import listed
-from .verdict import Check, Outcome
+from .check import Check, Outcome
 
 # A body holds its shape if no point moves more than this fraction of its longest side.
 HOLDS = 0.05
@@ -94,7 +94,7 @@ def holds_shape(result: SagResult) -> Check:
 
 
 def attached(result: SagResult) -> tuple[Check, ...]:
-    """Pieces that touch nothing held, and were held where they are; nothing where none do."""
+    """Pieces that touch nothing held, and were held where they are; nothing if there are none."""
     if result.assumed <= CRUMBS:
         return ()
     said = Note("checks.attached_to_nothing", fraction=percent(result.assumed))

@@ -26,8 +26,8 @@ from ...fem.uncertainty import Draws, Exact, ranged_answers
 from ..asset.document import mesh_document
 from ..driving import DriveRecord
 from ..meshing.messages import listed
+from .check import Check, as_table, in_a_line, si, with_doubts
 from .description import describe
-from .verdict import Check, as_table, in_a_line, si, with_doubts
 
 
 class Animation(NamedTuple):
