@@ -10,6 +10,7 @@ from jaxtyping import Float
 from .elements.space import Space
 from .mesh import material_of, point_components
 from .scene.scene import Hold, Scene
+from .scene.supports import find_supports
 from .scene.up import up_vector
 from .solve.result import StaticResult
 
@@ -67,7 +68,8 @@ class Standing(NamedTuple):
 def standing_pieces(scene: Scene, rest: StaticResult, gravity: float) -> tuple[Standing, ...]:
     """Every piece of the body that is held; with its weight under ``gravity`` [m/s^2] in any case.
 
-    Pieces share no point: each stands on its own feet.
+    Pieces share no point: each stands on its own feet, all that reach the ground, however few of
+    them hold it.
     """
     mesh, up = rest.mesh, up_vector(scene.up)
     piece, held = point_components(mesh), scene.held.fixed.any(axis=1)
@@ -75,7 +77,7 @@ def standing_pieces(scene: Scene, rest: StaticResult, gravity: float) -> tuple[S
     mass = mesh.volumes * material_of(mesh).rho
     if np.any(scene.gravity_vector):
         mass = np.zeros_like(mass)  # the supports carry it already
-    found = []
+    found, base = [], find_supports(mesh, scene.up)[0].fixed.any(axis=1)
     for number in np.unique(piece[held]):
         reaction = rest.reaction[of_node == number]
         force, nodes = -reaction.sum(axis=0), rest.space.nodes[of_node == number]
@@ -83,6 +85,6 @@ def standing_pieces(scene: Scene, rest: StaticResult, gravity: float) -> tuple[S
         weight = -gravity * up * mass[own].sum()
         turn = np.cross(mass[own] @ mesh.centroids[own], -gravity * up)
         moment = turn - np.cross(nodes, reaction).sum(axis=0)
-        feet = mesh.points[held & (piece == number)]
+        feet = mesh.points[(held | base) & (piece == number)]
         found.append(Standing(feet, force + weight, moment))
     return tuple(found)
