@@ -222,7 +222,7 @@ def evaluate_table(
     the figures are not. ``minutes`` are each row's; by default all take the steps of the preset.
     ``weights`` are of the network that is asked as it is (S5, theta), by default the shipped one.
     """
-    from ..predictors.unipixie.inference import WEIGHTS as SHIPPED
+    from ..predictors.unipixie.predictor import WEIGHTS as SHIPPED
     from .evaluation.paper.tables import TableRun, table_of
     from .training.unipixie.config import PRESETS
 

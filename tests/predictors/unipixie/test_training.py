@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
-from autophyx_tet.predictors.unipixie.inference import ANY
 from autophyx_tet.predictors.unipixie.network import NOISE
+from autophyx_tet.predictors.unipixie.predictor import ANY
 from autophyx_tet.research.datasets.objects import make_objects
 from autophyx_tet.research.datasets.shapes import EMPTY
 from autophyx_tet.research.training.unipixie.batch import spread_parts, voxel_places
