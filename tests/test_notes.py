@@ -3,6 +3,7 @@
 import ast
 import string
 import tomllib
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -26,6 +27,7 @@ def _sentences() -> dict[str, set[str]]:
     }
 
 
+@cache
 def _calls() -> list[tuple[str, str, set[str]]]:
     """(place, kind, names of values) of every note and every error that is made with a kind."""
     calls = []

@@ -57,6 +57,7 @@ def test_a_network_carries_its_ranges(tmp_path):
     assert load_checkpoint(tmp_path / "c").normalisation == DEFAULT
 
 
+@pytest.mark.slow
 def test_a_network_predicts_in_its_own_ranges(tmp_path):
     """The same weights with other ranges: the same numbers in [-1, 1] mean other E, nu and rho."""
     fields = []
@@ -78,6 +79,7 @@ def bound_to_the_first(scene, *_) -> torch.Tensor:
     return logits
 
 
+@pytest.mark.slow
 def test_a_named_material_keeps_its_value_in_other_ranges(tmp_path):
     """The lexicon speaks to a network in that network's numbers: oak is oak in either."""
     oak = TABLE.exact("oak").value()

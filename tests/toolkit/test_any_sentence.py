@@ -72,6 +72,7 @@ def any_answer(monkeypatch):
     monkeypatch.setattr(FilmModel, "_run", run)
 
 
+@pytest.mark.slow
 @pytest.mark.blockers
 @pytest.mark.usefixtures("any_answer")
 @pytest.mark.parametrize(

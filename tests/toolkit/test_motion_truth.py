@@ -44,6 +44,7 @@ def test_a_soft_ball_presses_as_hertz_says():
     assert z[low:].max() - z[low] > 0.09
 
 
+@pytest.mark.slow
 def test_the_force_of_a_steel_ball_is_not_told():
     """Its contact takes a fiftieth of a frame, and a face is larger than it: no number is given."""
     mesh = ball(0.05, 3, E=2e11, nu=0.3, rho=7850.0)
@@ -110,6 +111,7 @@ def test_a_reduced_body_of_great_contrast_is_followed():
     assert np.isfinite(swung.displacement).all()
 
 
+@pytest.mark.slow
 def test_a_sheet_thinner_than_a_cell_is_held_and_stays():
     """A millimetre on a grid of 19: as many particles as cubes that it meets, none leaves."""
     mesh = matter(box_mesh((0.3, 0.2, 0.001), (6, 4, 1)), 1e6, 1000.0)

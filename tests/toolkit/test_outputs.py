@@ -124,6 +124,7 @@ def test_a_folder_is_written_whole_or_not_at_all(tmp_path):
     assert [path.name for path in (tmp_path / "b").rglob("*")] == ["c", "d.txt"]
 
 
+@pytest.mark.slow
 def test_the_picture_is_drawn_beside_the_report(box, tmp_path, monkeypatch):
     """Each waits for the other to begin; a picture that fails leaves no folder."""
     began, page, draw = (Event(), Event()), folder.run_page, folder.render_png
