@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from jaxtyping import Float
@@ -21,6 +22,53 @@ def upright(points: Float[np.ndarray, "*n 3"], up: UpAxis) -> Float[np.ndarray, 
     return np.stack({"z": (x, y, z), "y": (x, -z, y), "x": (-z, y, x)}[up[-1]], -1)
 
 
+class PlainMesh:
+    """Triangles without a look; what else a ``trimesh.Trimesh`` has is that of the one it makes.
+
+    To load trimesh takes longer than to read and mend most files.
+
+    vertices, faces: Points (n, 3) [m], and the triangles (m, 3) between them.
+    """
+
+    def __init__(self, vertices: np.ndarray, faces: np.ndarray) -> None:
+        self._plain = np.asarray(vertices, np.float64), np.asarray(faces, np.int64)
+
+    @cached_property
+    def whole(self) -> trimesh.Trimesh:
+        """The same as a mesh of trimesh, which holds the truth from then on."""
+        from trimesh import Trimesh
+
+        return Trimesh(*self._plain, process=False, validate=False)
+
+    @property
+    def vertices(self) -> np.ndarray:
+        """Points (n, 3) [m]."""
+        return self.whole.vertices if "whole" in self.__dict__ else self._plain[0]
+
+    @vertices.setter
+    def vertices(self, vertices: np.ndarray) -> None:
+        if "whole" in self.__dict__:
+            self.whole.vertices = vertices
+        else:
+            self._plain = vertices, self._plain[1]
+
+    @property
+    def faces(self) -> np.ndarray:
+        """Triangles (m, 3)."""
+        return self.whole.faces if "whole" in self.__dict__ else self._plain[1]
+
+    @property
+    def bounds(self) -> Float[np.ndarray, "2 3"]:
+        """Lower and upper corner [m] of the box around the triangles."""
+        used = self.vertices[self.faces.reshape(-1)]
+        return np.stack([used.min(axis=0), used.max(axis=0)])
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("_"):  # of copies and pickles, which ask before there are any triangles
+            raise AttributeError(name)
+        return getattr(self.whole, name)
+
+
 @dataclass(frozen=True, eq=False)
 class Part:
     """One named part: a triangle surface [m] with its appearance (``mesh.visual``).
@@ -29,7 +77,7 @@ class Part:
     """
 
     name: str
-    mesh: trimesh.Trimesh
+    mesh: trimesh.Trimesh | PlainMesh
     labels: tuple[str, ...] = ()
 
 

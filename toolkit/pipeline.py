@@ -15,7 +15,7 @@ import numpy as np
 
 from ..fem.errors import InputError
 from ..fem.mesh import TetMesh
-from ..fem.note import Note
+from ..fem.note import Note, severity_of
 from ..fem.table import FIELDS, Material, MaterialTable, key, load_table, row_of_record
 from ..predictors.asset import Asset
 from .asset import path_of
@@ -248,7 +248,7 @@ def assign(
         sampling=sampled,
         sidecar=sidecar,
         warnings=(*warnings, *doubts, *filter(None, apparent), *unmatched),
-        doubts=doubts,
+        doubts=tuple(line for line in doubts if severity_of(line) != "note"),
     )
     if options.strict:
         result.check_bands()

@@ -24,7 +24,7 @@ from ..fem.table import (
     load_contents,
     load_table,
 )
-from ..predictors.asset import Asset, Part
+from ..predictors.asset import Asset, Part, PlainMesh
 from ..predictors.construction import (
     Construction,
     MassInterval,
@@ -244,8 +244,6 @@ def with_rooms(asset: Asset, options: WallOptions, *, thinnest: float) -> Filled
         if filling is None or wall is None or not thinnest <= wall < np.inf:
             continue
         # Closed surface a `wall` [m] inside that of a part; None where nothing is that deep
-        from trimesh import Trimesh
-
         surface, _ = repair((part,))
         shell = Shell(surface.points, surface.faces, surface.part)
         (points, faces), kept = inner_surface(shell, wall)
@@ -256,7 +254,7 @@ def with_rooms(asset: Asset, options: WallOptions, *, thinnest: float) -> Filled
                 f"what {part.name!r} is filled with would be a part {part.name + SUFFIX!r}, which "
                 f"the asset has: --fill only the others, NAME=MATERIAL, or rename that part"
             )
-        room = Trimesh(points, faces[kept], process=False)
+        room = PlainMesh(points, faces[kept])
         rooms.append(Part(part.name + SUFFIX, room))
         contents[part.name + SUFFIX] = filling
     return FilledAsset(replace(asset, parts=(*asset.parts, *rooms)), contents)

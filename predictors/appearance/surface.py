@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from ..asset import Asset
+from ..asset import Asset, PlainMesh
 from ..grid import Grid, PartVoxels
 
 if TYPE_CHECKING:
@@ -35,7 +35,7 @@ class Finish(NamedTuple):
     roughness: float = 0.6
 
 
-def finish_of(mesh: trimesh.Trimesh) -> Finish:
+def finish_of(mesh: trimesh.Trimesh | PlainMesh) -> Finish:
     """Return the finish of a mesh's material; the default where it has none."""
     material: Any = getattr(mesh.visual, "material", None)
     if hasattr(material, "metallicFactor"):
@@ -51,7 +51,7 @@ def finish_of(mesh: trimesh.Trimesh) -> Finish:
     return Finish(0.0, min(reflectance, 1.0), (2 / (exponent + 2)) ** 0.25)
 
 
-def gloss_of(mesh: trimesh.Trimesh) -> Gloss:
+def gloss_of(mesh: trimesh.Trimesh | PlainMesh) -> Gloss:
     """Return the function that gives the finish of points of a mesh: factors x glTF's texture."""
     visual: Any = mesh.visual
     factors = np.array(finish_of(mesh))
@@ -70,7 +70,7 @@ def gloss_of(mesh: trimesh.Trimesh) -> Gloss:
     return finish
 
 
-def skin_of(mesh: trimesh.Trimesh) -> Skin:
+def skin_of(mesh: trimesh.Trimesh | PlainMesh) -> Skin:
     """Return the function that colours points of a mesh from its ``visual``."""
     visual: Any = mesh.visual
     if visual.kind == "face":
@@ -120,7 +120,7 @@ def skin_of(mesh: trimesh.Trimesh) -> Skin:
     return colour
 
 
-def material_name(mesh: trimesh.Trimesh) -> str | None:
+def material_name(mesh: trimesh.Trimesh | PlainMesh) -> str | None:
     """Name of the material of a mesh, where it has one."""
     return getattr(getattr(mesh.visual, "material", None), "name", None)
 
@@ -197,7 +197,9 @@ def surface_voxels(asset: Asset, grid: Grid) -> PartVoxels:
     return PartVoxels(grid, label.reshape(grid.shape), asset.part_names, labels)
 
 
-def surface_samples(mesh: trimesh.Trimesh, spacing: float) -> Iterator[Float[np.ndarray, "n 3"]]:
+def surface_samples(
+    mesh: trimesh.Trimesh | PlainMesh, spacing: float
+) -> Iterator[Float[np.ndarray, "n 3"]]:
     """Points [m] on every triangle, no farther apart than ``spacing`` [m], corners included."""
     corners = np.asarray(mesh.triangles)
     edges = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
@@ -220,7 +222,7 @@ def surface_samples(mesh: trimesh.Trimesh, spacing: float) -> Iterator[Float[np.
 
 
 def random_points(
-    mesh: trimesh.Trimesh, count: int, rng: np.random.Generator
+    mesh: trimesh.Trimesh | PlainMesh, count: int, rng: np.random.Generator
 ) -> tuple[Int[np.ndarray, "n"], Float[np.ndarray, "n 3"]]:
     """Faces and corner weights of points uniform on the surface."""
     share = mesh.area_faces / mesh.area_faces.sum()

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from autophyx_tet.toolkit.asset import child
 from autophyx_tet.toolkit.asset.child import ChildFailure, run_guarded
 
 CUBE = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], float) - 0.5
@@ -24,9 +25,13 @@ def _run(options=OPTIONS, *, points=CUBE, faces=CUBE_FACES, time_limit=60.0, **m
     return run_guarded("tetwild", arrays, options, time_limit=time_limit, **more)
 
 
-@pytest.fixture(autouse=True)
-def nothing_left(tmp_path, monkeypatch):
-    """No child process of ours and no temporary folder survives a test."""
+@pytest.fixture(autouse=True, params=["a copy of this process", "another Python"])
+def nothing_left(tmp_path, monkeypatch, request):
+    """No child process of ours and no temporary folder survives a test, however it is started."""
+    if request.param == "another Python":
+        monkeypatch.setattr(child, "COPIED", set())
+    else:  # the threads of the runner of these tests wait for their next one, and hold nothing
+        monkeypatch.setattr(threading, "active_count", lambda: 1)
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     children = Path(f"/proc/{os.getpid()}/task/{os.getpid()}/children")
     before = set(children.read_text().split())
@@ -59,8 +64,8 @@ def test_a_killed_engine_is_a_crash():
 
     def kill(stage, seconds):
         if stage != "working":  # it has begun
-            for child in ours.read_text().split():
-                os.kill(int(child), signal.SIGKILL)
+            for process in ours.read_text().split():
+                os.kill(int(process), signal.SIGKILL)
 
     with pytest.raises(ChildFailure, match="SIGKILL") as failure:
         _run(SLOW, progress=kill)
@@ -102,3 +107,16 @@ def test_works_from_a_thread():
     thread.start()
     thread.join()
     assert len(results[0]["tets"]) > 0
+
+
+def test_a_process_with_threads_or_much_memory_is_not_copied(monkeypatch):
+    """Another thread may hold a lock that the copy would wait for; the limit counts what it has."""
+    started = []
+    monkeypatch.setattr(child, "COPIED", {"tetwild"})
+    monkeypatch.setattr(child, "_copy", lambda folder: started.append("copy"))
+    monkeypatch.setattr(child, "_new", lambda folder: started.append("new"))
+    for threads, limit in ((1, None), (2, None), (1, 2**20)):
+        monkeypatch.setattr(threading, "active_count", lambda count=threads: count)
+        with pytest.raises(TypeError):  # there is no process to wait for
+            _run(memory_limit=limit)
+    assert started == ["copy", "new", "new"]

@@ -1,8 +1,11 @@
 """Loading: what a file says survives (metres, names, places), what it lacks is said."""
 
+import copy
 import json
 import re
 import struct
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -293,3 +296,23 @@ def test_point_cloud_of_a_ball(tmp_path, suffix):
     asset = load_asset(path)
     surface, _ = repair(asset.parts)
     assert component_volumes(surface).sum() == pytest.approx(4 / 3 * np.pi * 8, rel=0.02)
+
+
+def test_plain_triangles_need_no_trimesh_and_are_one_of_its_meshes(tmp_path):
+    """An STL is loaded without it; asked for more than its triangles it has what a mesh has."""
+    path = _box(tmp_path, ".stl")
+    code = (
+        "import sys, autophyx_tet as apx\n"
+        f"asset = apx.load_asset({str(path)!r}, units='mm')\n"
+        "assert asset.size.tolist() == [.001, .002, .004], asset.size\n"
+        "assert 'trimesh' not in sys.modules\n"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
+    mesh = load_asset(path).parts[0].mesh
+    mesh.vertices = 2 * mesh.vertices
+    assert mesh.volume == pytest.approx(64)
+    mesh.vertices = mesh.vertices / 2  # by now a mesh of trimesh holds them
+    assert (mesh.volume, mesh.area) == pytest.approx((8, 28))
+    mesh.visual.face_colors = [255, 0, 0, 255]
+    copied = copy.deepcopy(mesh)
+    assert copied.visual.face_colors[0].tolist() == [255, 0, 0, 255]

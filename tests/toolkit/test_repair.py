@@ -5,7 +5,7 @@ import pytest
 import trimesh
 from autophyx_tet.predictors.asset import Part
 from autophyx_tet.toolkit.asset import repair as repair_module
-from autophyx_tet.toolkit.asset.repair import WELD_REL, RepairReport, repair
+from autophyx_tet.toolkit.asset.repair import WELD_REL, RepairReport, near_pairs, repair
 from autophyx_tet.toolkit.asset.solids import Solids
 from autophyx_tet.toolkit.asset.surface import (
     Surface,
@@ -16,6 +16,7 @@ from autophyx_tet.toolkit.asset.surface import (
 from autophyx_tet.toolkit.asset.triangles import winding_numbers
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.spatial import KDTree
 
 from .bodies import cube_part, part_of
 
@@ -253,3 +254,14 @@ def test_crossings_of_a_large_surface_are_not_counted(monkeypatch):
     assert repair_module.repair([Part("boxes", crossed)])[1].crossing_faces > 0
     monkeypatch.setattr(repair_module, "MOST_CROSSED", 20)
     assert repair_module.repair([Part("boxes", crossed)])[1].crossing_faces is None
+
+
+@given(st.integers(0, 2**31), st.floats(1e-3, 0.3))
+@settings(max_examples=25)
+def test_near_pairs_are_those_of_a_tree(seed, distance):
+    """Points in a box, on a plane of it, and some of them twice."""
+    points = np.random.default_rng(seed).random((60, 3))
+    points[:20, 2] = 0.5
+    points[50:] = points[:10]
+    found = {frozenset(pair) for pair in near_pairs(points, distance).tolist()}
+    assert found == {frozenset(pair) for pair in KDTree(points).query_pairs(distance)}

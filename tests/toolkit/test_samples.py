@@ -78,3 +78,26 @@ def test_one_point_is_asked_for_all_on_its_side():
         np.testing.assert_array_equal(one, other)
     assert set(np.unique(found[0].label)) == {0, 1}  # what both hold is 1
     assert asked[1] < asked[0] / 1.5
+
+
+def test_bodies_apart_are_known_exactly_and_others_sampled():
+    """Balls and a box apart: their volume to round-off. Where boxes overlap it is asked for."""
+    ball, box = trimesh.creation.icosphere(subdivisions=2), trimesh.creation.box((1, 2, 3))
+    rng, wanted = np.random.default_rng(0), ball.volume + box.volume
+    apart = solids_of(trimesh.util.concatenate([ball, box.copy().apply_translation([3, 0, 0])]))
+    found = input_volume(apart, 1, rng=rng, crossing=False)
+    assert found.uncertainty == 0
+    assert found.total == pytest.approx(wanted, rel=1e-12)
+    near = solids_of(trimesh.util.concatenate([ball, box.copy().apply_translation([1.2, 1.5, 0])]))
+    for solids, crossing in ((apart, True), (near, False)):
+        sampled = input_volume(solids, 1, rng=rng, crossing=crossing)
+        assert 0 < sampled.uncertainty
+        assert sampled.total <= wanted * (1 + sampled.uncertainty)
+
+
+def test_a_ball_within_a_ball_is_not_counted_twice():
+    """Two closed shells wound alike, one in the other: the volume is that of the outer one."""
+    ball = trimesh.creation.icosphere(subdivisions=2)
+    both = trimesh.util.concatenate([ball, ball.copy().apply_scale(0.5)])
+    found = input_volume(solids_of(both), 1, rng=np.random.default_rng(0), crossing=False)
+    assert found.total == pytest.approx(ball.volume, rel=found.uncertainty)

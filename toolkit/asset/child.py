@@ -2,11 +2,15 @@
 
 ``run_guarded`` writes the arrays to a temporary folder, starts ``python -m ...asset.child`` on it
 in a process group of its own, and reads the arrays that it leaves. On a time-out, on Ctrl-C or on
-any other way out the whole group is killed and the folder removed.
+any other way out the whole group is killed and the folder removed. Where it can be done safely the
+child is a copy of this process: to start another Python and load its libraries again takes as long
+as to fill a small body.
 """
 
 from __future__ import annotations
 
+import ctypes
+import faulthandler
 import json
 import logging
 import os
@@ -15,9 +19,12 @@ import signal
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 import traceback
+import warnings
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from math import ceil
 from pathlib import Path
 from typing import Any, Literal
@@ -89,17 +96,11 @@ def run_guarded(
         job = {"task": task, "options": dict(options or {}), "memory": memory_limit}
         job["seconds"] = ceil(time_limit)  # the kernel counts whole ones
         np.savez(folder / _JOB, **arrays, __job__=np.array(json.dumps(job)))  # type: ignore[arg-type]
-        with (folder / _LOG).open("wb") as output:
-            child = subprocess.Popen(
-                [sys.executable, "-P", "-m", f"{__package__}.child", name, str(os.getpid())],
-                stdin=subprocess.DEVNULL,
-                stdout=output,
-                stderr=subprocess.STDOUT,
-                start_new_session=True,
-            )
+        (folder / _LOG).touch()
+        child = _copy(folder) if task in COPIED and _can_be_copied(memory_limit) else _new(folder)
         ended = used = None
         try:
-            while not (ended := os.wait4(child.pid, os.WNOHANG))[0]:
+            while not (ended := os.wait4(child, os.WNOHANG))[0]:
                 seconds = time.monotonic() - started
                 if seconds > WAITING * max(time_limit, 1.0):
                     raise ChildFailure("time", f"no result within {seconds:.0f} s", time_limit)
@@ -108,25 +109,83 @@ def run_guarded(
                     # What the child said it is doing: its last line of the form `stage: WORD`
                     stages = [line for line in said.splitlines() if line.startswith("stage: ")]
                     progress(stages[-1].partition(" ")[2] if stages else "working", seconds)
-                if hopeless is not None and hopeless(said, taken := cpu_seconds(child.pid)):
+                if hopeless is not None and hopeless(said, taken := cpu_seconds(child)):
                     raise ChildFailure("time", f"given up after {taken:.0f} s of CPU", taken)
                 time.sleep(POLL)
         finally:
             # Kill the child and whatever it started; nothing is left behind
             try:
-                os.killpg(child.pid, signal.SIGKILL)
+                os.killpg(child, signal.SIGKILL)
             except ProcessLookupError:
                 log.debug("the child process group had already ended")
             if not ended or not ended[0]:
-                ended = os.wait4(child.pid, 0)
+                ended = os.wait4(child, 0)
             _, status, usage = ended
-            child.returncode = os.waitstatus_to_exitcode(status)
+            code = os.waitstatus_to_exitcode(status)
             used = usage.ru_utime + usage.ru_stime
             if clock is not None:
                 clock.seconds += used
-        if child.returncode == -signal.SIGXCPU:
+        if code == -signal.SIGXCPU:
             raise ChildFailure("time", f"no result within {time_limit:.3g} s of CPU", used)
-        return _result(child, folder, used)
+        return _result(code, folder, used)
+
+
+# Tasks whose libraries have no threads that another process would miss.
+COPIED = {"tetwild"}
+COPIED_SHARE = 0.25  # of the memory limit: what a process may hold that is copied
+
+
+def _can_be_copied(memory_limit: int) -> bool:
+    """Whether this process is small, and no other thread of it can hold a lock at the moment."""
+    try:
+        pages = int(Path("/proc/self/statm").read_text().split()[0])
+    except OSError:  # not Linux: native libraries of other systems do not bear it
+        return False
+    small = pages * os.sysconf("SC_PAGE_SIZE") <= COPIED_SHARE * memory_limit
+    return small and threading.active_count() == 1
+
+
+def _copy(folder: Path) -> int:
+    """Copy this process, and let the copy do the job; its number."""
+    parent = os.getpid()
+    sys.stdout.flush()
+    sys.stderr.flush()
+    ctypes.CDLL(None).fflush(None)
+    with warnings.catch_warnings():
+        # Of Python 3.12, where there is any thread: those of the BLAS end and start themselves
+        warnings.simplefilter("ignore", DeprecationWarning)
+        child = os.fork()
+    with suppress(ProcessLookupError, PermissionError):  # it has done so itself, or has ended
+        os.setpgid(child, child)
+    if child == 0:
+        code = 1
+        try:
+            with (folder / _LOG).open("wb", buffering=0) as output, open(os.devnull, "rb") as none:
+                for number, file in enumerate((none, output, output)):
+                    os.dup2(file.fileno(), number)
+            faulthandler.disable()  # a crash is told by the signal
+            for number in (signal.SIGINT, signal.SIGTERM, signal.SIGALRM):
+                signal.signal(number, signal.SIG_DFL)
+            sys.stdout = sys.stderr = open(1, "w", closefd=False)
+            code = main(folder, parent)
+            sys.stdout.flush()
+        finally:
+            os._exit(code)  # what is to happen at our own end is not for the copy to do
+    return child
+
+
+def _new(folder: Path) -> int:
+    """Start another Python for the job; its number."""
+    with (folder / _LOG).open("wb") as output:
+        child = subprocess.Popen(
+            [sys.executable, "-P", "-m", f"{__package__}.child", str(folder), str(os.getpid())],
+            stdin=subprocess.DEVNULL,
+            stdout=output,
+            stderr=subprocess.STDOUT,
+            start_new_session=True,
+        )
+    child.returncode = 0  # we wait for it ourselves
+    return child.pid
 
 
 def cpu_seconds(process: int) -> float:
@@ -139,10 +198,10 @@ def cpu_seconds(process: int) -> float:
     return (int(user) + int(system)) / os.sysconf("SC_CLK_TCK")
 
 
-def _result(child: subprocess.Popen[bytes], folder: Path, seconds: float) -> Arrays:
+def _result(code: int, folder: Path, seconds: float) -> Arrays:
     from ...converters.npz import load_npz
 
-    if child.returncode == 0 and (folder / _RESULT).exists():
+    if code == 0 and (folder / _RESULT).exists():
         return load_npz(folder / _RESULT)
     if (folder / _FAILURE).exists():
         kind, _, reason = (folder / _FAILURE).read_text().partition(": ")
@@ -150,7 +209,6 @@ def _result(child: subprocess.Popen[bytes], folder: Path, seconds: float) -> Arr
     words = (folder / _LOG).read_bytes()[-2000:].decode(errors="replace")
     if "bad_alloc" in words:
         raise ChildFailure("memory", "the engine ran out of its memory limit", seconds)
-    code = child.returncode
     end = signal.Signals(-code).name if code < 0 else f"exit code {code}"
     raise ChildFailure("crash", f"the engine crashed ({end})", seconds)
 

@@ -13,6 +13,7 @@ import numpy as np
 from ...converters.registry import Format, Keeps
 from ...fem.errors import InputError
 from ...fem.note import Note
+from ...predictors.asset import PlainMesh
 from .child import ChildFailure, run_guarded
 from .formats import AssetContent, NamedSurface, References
 from .gltf import read_gltf
@@ -100,7 +101,7 @@ def read_cad(path: Path, data: bytes, references: References) -> AssetContent:
     return content._replace(surfaces=surfaces, up=None, up_guess="z")
 
 
-def _bodies(mesh: trimesh.Trimesh) -> list[trimesh.Trimesh]:
+def _bodies(mesh: trimesh.Trimesh | PlainMesh) -> list[trimesh.Trimesh | PlainMesh]:
     """Pieces of a mesh that hang together nowhere; a cavity stays with the body around it."""
     from trimesh.util import concatenate
 

@@ -20,7 +20,7 @@ from ...converters.registry import Format
 from ...fem.errors import AutophyxError, InputError
 from ...fem.note import Note
 from ...fem.registry import Registry
-from ...predictors.asset import UpAxis
+from ...predictors.asset import PlainMesh, UpAxis
 
 if TYPE_CHECKING:
     import trimesh
@@ -62,7 +62,7 @@ class NamedSurface(NamedTuple):
     ``material_number`` tells materials apart that share a name or have none.
     """
 
-    mesh: trimesh.Trimesh
+    mesh: trimesh.Trimesh | PlainMesh
     node: tuple[str, ...] = ()
     material: str | None = None
     material_number: int = 0

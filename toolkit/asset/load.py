@@ -13,7 +13,7 @@ import numpy as np
 from ...converters.points.views import Pruning
 from ...fem.errors import InputError, NoVolumeError, UsageError
 from ...fem.mesh import USUAL_SIZE
-from ...predictors.asset import Asset, Part, UpAxis
+from ...predictors.asset import Asset, Part, PlainMesh, UpAxis
 from . import Unit
 from .child import ChildFailure, run_guarded
 from .formats import (
@@ -94,8 +94,6 @@ def load_asset(
     >>> round(float(bonsai.size.max()), 9)  # m
     0.9
     """
-    from trimesh.util import concatenate
-
     path = Path(path)
     _check_scale(size, units)
     _check_path(path)
@@ -123,7 +121,7 @@ def load_asset(
     parts = tuple(
         Part(
             name,
-            group[0].mesh if len(group) == 1 else concatenate([s.mesh for s in group]),  # type: ignore
+            _joined([surface.mesh for surface in group]),
             tuple(
                 dict.fromkeys(n for s in group for n in (*s.node, s.material or "") if _is_name(n))
             ),
@@ -276,6 +274,15 @@ def _check(path: Path, surface: NamedSurface) -> None:
         )
 
 
+def _joined(meshes: Sequence[trimesh.Trimesh | PlainMesh]) -> trimesh.Trimesh | PlainMesh:
+    if len(meshes) == 1:
+        return meshes[0]
+    from trimesh.util import concatenate
+
+    plain = (mesh.whole if isinstance(mesh, PlainMesh) else mesh for mesh in meshes)
+    return concatenate(list(plain))  # type: ignore[return-value]
+
+
 def _grouped(surfaces: Sequence[NamedSurface], keys: Sequence[Any]) -> list[list[NamedSurface]]:
     groups: dict[Any, list[NamedSurface]] = {}
     for surface, key in zip(surfaces, keys, strict=True):
@@ -330,8 +337,6 @@ JOGGLE = 1e-7
 
 def reconstructed(path: Path, content: AssetContent) -> AssetContent:
     """Replace a cloud by the surface through it, by screened Poisson reconstruction."""
-    import trimesh
-
     cloud = np.unique(np.asarray(content.cloud, np.float64), axis=0)
     if not np.isfinite(cloud).all():
         raise InputError(f"{path}: its points have coordinates that are not finite")
@@ -355,7 +360,7 @@ def reconstructed(path: Path, content: AssetContent) -> AssetContent:
         ) from failure
     if not len(surface["faces"]):
         raise InputError(f"{path}: no surface through its {len(cloud)} points")
-    mesh = trimesh.Trimesh(surface["points"] * size + lo, surface["faces"], process=False)
+    mesh = PlainMesh(surface["points"] * size + lo, surface["faces"])
     guess = guessed_fraction(mesh, cloud)
     if guess > GUESS_MOST:
         raise NoVolumeError(
@@ -371,7 +376,7 @@ def reconstructed(path: Path, content: AssetContent) -> AssetContent:
     )
 
 
-def guessed_fraction(mesh: trimesh.Trimesh, cloud: Places) -> float:
+def guessed_fraction(mesh: trimesh.Trimesh | PlainMesh, cloud: Places) -> float:
     """Share of a surface's area that lies far from all points, by their spacing there."""
     from scipy.spatial import KDTree
 

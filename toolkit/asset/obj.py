@@ -15,6 +15,7 @@ import numpy as np
 from ...converters.registry import Format, Keeps
 from ...fem.errors import InputError
 from ...fem.note import Note
+from ...predictors.asset import PlainMesh
 from .formats import AssetContent, NamedSurface, References, decoded
 
 NUMBERS = {"v", "vt", "vn", "f"}
@@ -41,10 +42,6 @@ def read_obj(path: Path, data: bytes, references: References) -> AssetContent:
 
     Raises InputError: Where numbers have decimal commas, or a face names what is not there.
     """
-    import trimesh
-    from trimesh.visual import ColorVisuals, TextureVisuals
-    from trimesh.visual.material import SimpleMaterial
-
     text, warnings = _text(data)
     rows: dict[str, list[list[str]]] = {"v": [], "vt": []}
     # Of every piece its faces, and how many vertices and places stood before each
@@ -85,16 +82,19 @@ def read_obj(path: Path, data: bytes, references: References) -> AssetContent:
         # A vertex for every pair of a point and a place
         key, index = np.unique(corners @ [len(uv) + 1, 1] + 1, return_inverse=True)
         used, place = np.divmod(key, len(uv) + 1)
-        mesh = trimesh.Trimesh(points[used], index.reshape(-1, 3), process=False, validate=False)
+        mesh = PlainMesh(points[used], index.reshape(-1, 3))
         look = materials.get(piece.material or "", None)
         if piece.material is not None and (look or colours is None):
+            from trimesh.visual import TextureVisuals
+            from trimesh.visual.material import SimpleMaterial
+
             skinned = len(uv) > 0 and bool((place > 0).all())
-            mesh.visual = TextureVisuals(
+            mesh.whole.visual = TextureVisuals(
                 uv=uv[place - 1] if skinned else None,
                 material=SimpleMaterial(**(look or {"name": piece.material})),
             )
         elif colours is not None:
-            mesh.visual = ColorVisuals(mesh, vertex_colors=colours[used])
+            mesh.visual.vertex_colors = colours[used]
         surfaces.append(NamedSurface(mesh, names, piece.material))
     cloud = points if len(points) and not surfaces else None
     return AssetContent(surfaces, up_guess="y", cloud=cloud, warnings=tuple(warnings))
@@ -188,10 +188,10 @@ def _names(pieces: dict[_Piece, Any]) -> list[tuple[str, ...]]:
 
 def _materials(libraries: list[str], references: References) -> dict[str, dict[str, Any]]:
     """Materials of the libraries by name; those that are missing are told by the references."""
-    from trimesh.exchange.obj import parse_mtl
-
     found: dict[str, dict[str, Any]] = {}
     for library in dict.fromkeys(libraries):
+        from trimesh.exchange.obj import parse_mtl
+
         try:
             found |= parse_mtl(references.get(library), resolver=references)
         except FileNotFoundError:

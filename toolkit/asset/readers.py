@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -18,20 +18,14 @@ from ...converters.points.views import Pruning, splat_body
 from ...converters.registry import Format, Keeps
 from ...fem.errors import InputError
 from ...fem.note import Note
-from ...predictors.asset import UpAxis
+from ...predictors.asset import PlainMesh, UpAxis
 from .formats import AssetContent, NamedSurface, References, decoded
-
-if TYPE_CHECKING:
-    pass
-
 
 # OFF with polygons of any size and per-face colours; the keyword may be missing.
 
 
 def read_off(path: Path, data: bytes, references: References) -> AssetContent:
     """Read one surface, its polygons cut into fans of triangles."""
-    import trimesh
-
     lines = [line.split("#")[0].split() for line in data.decode(errors="replace").splitlines()]
     words = [line for line in lines if line]
     kind = re.fullmatch(r"(ST)?C?N?(4|n)?OFF", words[0][0])
@@ -59,7 +53,7 @@ def read_off(path: Path, data: bytes, references: References) -> AssetContent:
     corners = [[int(i) for i in w[1 : int(w[0]) + 1]] for w in polygons]
     fans = [(p[0], p[i], p[i + 1]) for p in corners for i in range(1, len(p) - 1)]
     triangles = np.array(fans, dtype=np.int64).reshape(-1, 3)
-    mesh = trimesh.Trimesh(points.reshape(-1, 3), triangles, process=False, validate=False)
+    mesh = PlainMesh(points.reshape(-1, 3), triangles)
     return AssetContent(
         [NamedSurface(mesh)] if len(triangles) else [], cloud=points if len(points) else None
     )
@@ -83,8 +77,6 @@ def read_stl(path: Path, data: bytes, references: References) -> AssetContent:
 
     Raises InputError: Where the file is cut short.
     """
-    import trimesh
-
     unit = _UNIT.search(data[:256])
     metres = STL_METRES[unit[1].decode().lower()] if unit else None
     found: list[tuple[str, np.ndarray]] = []
@@ -119,8 +111,7 @@ def read_stl(path: Path, data: bytes, references: References) -> AssetContent:
         found.append(("", rows["corners"].reshape(-1, 3).astype(np.float64)))
     surfaces = [
         NamedSurface(
-            trimesh.Trimesh(c, np.arange(len(c)).reshape(-1, 3), process=False, validate=False),
-            (name,) if len(found) > 1 else (),
+            PlainMesh(c, np.arange(len(c)).reshape(-1, 3)), (name,) if len(found) > 1 else ()
         )
         for name, c in found
         if len(c)
@@ -178,10 +169,6 @@ CARRIER = Format("splats, cloud or density grid", (*_SPLATS, *_GRIDS, *_CLOUDS),
 
 def read_ply_surface(path: Path, data: bytes, references: References) -> AssetContent:
     """Read polygons as fans, strips as triangles; of a file without both its points."""
-    import trimesh
-    from trimesh.visual import ColorVisuals, TextureVisuals
-    from trimesh.visual.material import SimpleMaterial
-
     ply = parse_ply(data)
     table = ply_points(ply)
     if table.is_splat:
@@ -207,27 +194,31 @@ def read_ply_surface(path: Path, data: bytes, references: References) -> AssetCo
             strips = [strip[strip >= 0] for strip in np.split(row, ends)]
             strips = [strip for strip in strips if len(strip) > 2]
             if strips:
-                faces.append(trimesh.util.triangle_strips_to_faces(strips))
+                from trimesh.util import triangle_strips_to_faces
+
+                faces.append(triangle_strips_to_faces(strips))
     points, faces = table.positions, np.concatenate(faces)
     if not len(faces):
         return points_content(table, references.pruning)
-    mesh = trimesh.Trimesh(points, faces, process=False, validate=False)
+    mesh = PlainMesh(points, faces)
     channels = [table.columns[name] for name in ("red", "green", "blue") if name in table.columns]
     image = _ply_texture(ply.comments, references)
     uv = [table.columns[name] for name in UV if name in table.columns][:2]
     if image is not None and (sum(map(len, skin)) == 3 * len(faces) or len(uv) == 2):
+        from trimesh.visual import TextureVisuals
+        from trimesh.visual.material import SimpleMaterial
+
         if len(uv) == 2:
             places = np.column_stack(uv)
         else:  # places of the corners of faces: a vertex for each
             flat = np.arange(3 * len(faces)).reshape(-1, 3)
-            corners = points[faces].reshape(-1, 3)
-            mesh = trimesh.Trimesh(corners, flat, process=False, validate=False)
+            mesh = PlainMesh(points[faces].reshape(-1, 3), flat)
             places = np.concatenate(skin)
-        mesh.visual = TextureVisuals(uv=places, material=SimpleMaterial(image=image))
+        mesh.whole.visual = TextureVisuals(uv=places, material=SimpleMaterial(image=image))
     elif len(channels) == 3:
-        mesh.visual = ColorVisuals(mesh, vertex_colors=np.column_stack(channels))
+        mesh.visual.vertex_colors = np.column_stack(channels)
     elif sum(map(len, colours)) == len(faces):
-        mesh.visual = ColorVisuals(mesh, face_colors=np.concatenate(colours))
+        mesh.visual.face_colors = np.concatenate(colours)
     return AssetContent([NamedSurface(mesh)])
 
 

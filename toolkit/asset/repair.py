@@ -93,6 +93,7 @@ def repair(
     *,
     weld_rel: float = WELD_REL,
     closing: Closing = Closing(),  # noqa: B008 - a tuple does not change
+    start: tuple[Surface, RepairReport] | None = None,
 ) -> tuple[Surface, RepairReport]:
     """Weld, clean, orient and close the surfaces of all parts.
 
@@ -102,8 +103,9 @@ def repair(
     parts: The parts of an asset, in metres.
     weld_rel: Vertices closer than this share of the diagonal are merged.
     closing: How what stays open is closed.
+    start: What ``oriented`` gives of them, if that is known.
     """
-    surface, changed = oriented(parts, weld_rel=weld_rel, joint=closing.joint)
+    surface, changed = start or oriented(parts, weld_rel=weld_rel, joint=closing.joint)
     if not closing.whole:
         edges, owner = unbalanced_edges(surface)
         surface, holes, caps = close_holes(
@@ -163,8 +165,6 @@ def weld(surface: Surface, tolerance: float, *, within_parts: bool) -> tuple[Sur
 
     Those in one cell of a grid are merged first, for there may be many, then the few across cells.
     """
-    from scipy.spatial import KDTree
-
     used, faces = np.unique(surface.faces.reshape(-1), return_inverse=True)
     points = surface.points[used]
     owner = np.zeros(len(used), np.int64)
@@ -173,13 +173,33 @@ def weld(surface: Surface, tolerance: float, *, within_parts: bool) -> tuple[Sur
     cell = np.round((points - points.min(axis=0, initial=np.inf)) / tolerance).astype(np.int64)
     first, group, _ = equal_rows(np.column_stack([cell, owner]))
     if len(first):
-        near = KDTree(points[first]).query_pairs(tolerance, output_type="ndarray")
+        near = near_pairs(points[first], tolerance)
         near = near[owner[first][near[:, 0]] == owner[first][near[:, 1]]]
         label = linked_groups(len(first), *near.T)
         first, group = first[np.unique(label, return_index=True)[1]], label[group]
     faces = group[faces.reshape(-1)].reshape(-1, 3)
     welded = surface._replace(points=points[first], faces=faces, component=edge_components(faces))
     return welded, len(used) - len(first)
+
+
+def near_pairs(points: Points, distance: float) -> Int[np.ndarray, "pairs 2"]:
+    """Pairs of points nearer than that [m], some of them several times.
+
+    Both are in one cell of at least one of eight grids of twice the width, shifted by half of it.
+    A tree says the same, but to load SciPy's takes longer than to weld most files.
+    """
+    scaled = (points - points.min(axis=0)) / (2 * distance)
+    pairs = [np.zeros((0, 2), np.int64)]
+    for shift in np.ndindex(2, 2, 2):
+        cell = np.floor(scaled + np.array(shift) / 2).astype(np.int64)
+        key: Any = np.ravel_multi_index(tuple(cell.T), tuple(cell.max(axis=0) + 1))
+        order = np.argsort(key, kind="stable")
+        key, step = key[order], 1
+        while (same := np.flatnonzero(key[step:] == key[:-step])).size:
+            pairs.append(np.column_stack([order[same], order[same + step]]))
+            step += 1
+    found = np.concatenate(pairs)
+    return found[np.linalg.norm(points[found[:, 0]] - points[found[:, 1]], axis=1) <= distance]
 
 
 # Share of a component's faces in back-to-back pairs from which it is a surface exported twice.
@@ -543,23 +563,47 @@ def enclosed_fractions(points: Points, faces: Faces, where: Places) -> Float[np.
     return np.mean(net * np.sign(net.sum(axis=0)) > 0, axis=0)
 
 
+# Of the size: how far behind a face its ray goes on. Embree computes in single precision; where it
+# still finds the same face the ray goes on twice as far, again and again.
+BEHIND = 1e-6
+MOST_HITS = 100  # of one ray
+EDGE_ON = 1e-5  # cosine of the angle between ray and normal: such a face ends the ray
+
+
 def _cast(points: Points, faces: Faces, where: Places) -> tuple[np.ndarray, np.ndarray]:
     """Crossings of the surface: which ray, numbered direction * points + point, and which face."""
-    import trimesh
-    from trimesh.ray.ray_pyembree import RayMeshIntersector
+    from embreex.mesh_construction import TriangleMesh
+    from embreex.rtcore_scene import EmbreeScene
 
-    # Embree computes in single precision: centred, at unit size.
     used, faces = np.unique(faces, return_inverse=True)
     corners, faces = points[used], faces.reshape(-1, 3)
     lo, hi = corners.min(axis=0), corners.max(axis=0)
     centre, scale = (lo + hi) / 2, (hi - lo).max()
-    caster = RayMeshIntersector(
-        trimesh.Trimesh((corners - centre) / scale, faces, process=False), scale_to_box=False
-    )
-    origins = np.tile((where - centre) / scale, (DIRECTIONS, 1))
-    directions = np.repeat(_directions(), len(where), axis=0)
-    face, ray, *_ = caster.intersects_id(origins, directions, multiple_hits=True)
-    return np.asarray(ray, np.int64), np.asarray(face, np.int64)
+    corners = (corners - centre) / scale
+    scene = EmbreeScene()
+    TriangleMesh(scene=scene, vertices=corners.astype(np.float32), indices=faces.astype(np.int32))
+    normal = area_vectors(corners, faces)
+    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), np.finfo(float).tiny)
+    at = np.tile((where - centre) / scale, (DIRECTIONS, 1))
+    way = np.repeat(_directions(), len(where), axis=0)
+    live, last, step = np.arange(len(at)), np.full(len(at), -1), np.full(len(at), BEHIND)
+    rays, hits = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
+    for _ in range(MOST_HITS):
+        face = scene.run(at[live].astype(np.float32), way[live].astype(np.float32))
+        live, face = live[face >= 0], face[face >= 0]
+        if not live.size:
+            break
+        again, cosine = face == last[live], np.einsum("ri,ri->r", normal[face], way[live])
+        away = np.einsum("ri,ri->r", normal[face], corners[faces[face, 0]] - at[live])
+        through = ~again & (np.abs(cosine) > EDGE_ON)
+        away = np.divide(away, cosine, out=np.zeros_like(away), where=through)
+        rays.append(live[through])
+        hits.append(face[through])
+        step[live] = np.where(again, 2 * step[live], BEHIND)
+        at[live] += (away + step[live])[:, None] * way[live]
+        last[live] = face
+        live = live[again | through]
+    return np.concatenate(rays), np.concatenate(hits).astype(np.int64)
 
 
 def _directions() -> Float[np.ndarray, "directions 3"]:

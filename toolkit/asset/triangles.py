@@ -107,11 +107,14 @@ def edge_components(faces: Faces) -> Int[np.ndarray, "faces"]:
 
 def linked_groups(count: int, a: np.ndarray, b: np.ndarray) -> Int[np.ndarray, "count"]:
     """Label from 0 on of the group of each of ``count`` things that pairs of ``a``, ``b`` link."""
-    from scipy.sparse import coo_matrix
-    from scipy.sparse.csgraph import connected_components
+    import igl
+    from scipy.sparse import csc_matrix
 
-    graph = coo_matrix((np.ones(len(a)), (a, b)), shape=(count, count))
-    return connected_components(graph, directed=False)[1]
+    if not count:
+        return np.zeros(0, np.int64)
+    ends = np.concatenate([a, b]), np.concatenate([b, a])
+    graph = csc_matrix((np.ones(2 * len(a), np.int64), ends), shape=(count, count))
+    return np.asarray(igl.connected_components(graph)[1], np.int64)
 
 
 def crossing_pairs(points: Points, faces: Faces) -> Int[np.ndarray, "pairs 2"]:

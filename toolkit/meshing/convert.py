@@ -13,7 +13,7 @@ import numpy as np
 
 from ...fem.errors import NoVolumeError, UsageError
 from ...fem.mesh import TetMesh, signed_volumes
-from ...predictors.asset import Asset, Part
+from ...predictors.asset import Asset, Part, PlainMesh
 from ..asset.cache import Runner
 from ..asset.child import ChildFailure, Progress
 from ..asset.repair import WELD_REL, Closing, RepairReport, repair
@@ -136,7 +136,9 @@ def tetrahedralize(
         raise NoVolumeError("messages.scattered", name=asset.name, share=ready.losses.lost_area)
     if not (ready.losses.bearable or accept_broken):
         raise NoVolumeError(left_out(asset, ready.losses, target.envelope))
-    volume = input_volume(ready.solids, len(asset.parts), rng=rng)
+    volume = input_volume(
+        ready.solids, len(asset.parts), rng=rng, crossing=ready.repair.crossing_faces != 0
+    )
     name = chosen_mesher(mesher, sampled=asset.sampled or ready.closing.whole)
     problem = Problem(asset, ready, volume, target, runner, rng, name, max_tets)
     centre = asset.bounds.mean(axis=0)
@@ -534,11 +536,9 @@ class Preparation:
         cls, asset: Asset, *, thinnest: float, thicken: float | None, walls: Mapping[int, float]
     ) -> Preparation:
         """Take the bare parts of an asset, moved to the origin."""
-        from trimesh import Trimesh
-
         centre = asset.bounds.mean(axis=0)
         parts = (
-            replace(part, mesh=Trimesh(part.mesh.vertices - centre, part.mesh.faces, process=False))
+            replace(part, mesh=PlainMesh(part.mesh.vertices - centre, part.mesh.faces))
             for part in asset.parts
         )
         return cls(tuple(parts), thinnest, thicken, walls)
@@ -548,7 +548,7 @@ class Preparation:
         file, tried = FileSamples.of(FileSurface.of(self.parts), rng=rng), []
         names = [part.name for part in self.parts]
         for closing in CLOSINGS:
-            repaired, solids = self.solids(WELD_REL, closing)
+            repaired, solids = self.solids(WELD_REL, closing, file.surface.oriented)
             lost = losses(file, solids, names, distance=epsilon)
             if tried and lost.gained > max(tried[0].losses.gained, MOST_GAINED):
                 continue
@@ -561,9 +561,11 @@ class Preparation:
             best = replace(best, losses=replace(best.losses, gained=0.0, capped=0.0))
         return replace(best, solids=hollowed(best.solids, self.walls))
 
-    def solids(self, weld_rel: float, closing: Closing) -> tuple[RepairReport, Solids]:
+    def solids(
+        self, weld_rel: float, closing: Closing, start: tuple[Surface, RepairReport] | None = None
+    ) -> tuple[RepairReport, Solids]:
         """Repair and sort the surfaces; vertices nearer than a share of the diagonal are one."""
-        surface, repaired = repair(self.parts, weld_rel=weld_rel, closing=closing)
+        surface, repaired = repair(self.parts, weld_rel=weld_rel, closing=closing, start=start)
         if self.thicken is not None:
             sheet = sheet_faces(surface, thinnest=self.thinnest)
             surface = thickened(surface, sheet, self.thicken)

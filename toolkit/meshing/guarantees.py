@@ -14,7 +14,14 @@ from ...fem.mesh import TetMesh, area_vectors, boundary_faces, face_areas
 from ...predictors.asset import Part
 from ..asset.repair import WELD_REL, RepairReport, enclosed_fractions, oriented, stacked, weld
 from ..asset.solids import Solids
-from ..asset.surface import Surface, component_volumes, face_edges, incoherence, open_components
+from ..asset.surface import (
+    Surface,
+    bounds_itself,
+    component_volumes,
+    face_edges,
+    incoherence,
+    open_components,
+)
 from ..asset.triangles import (
     Places,
     Points,
@@ -66,13 +73,14 @@ class FileSurface:
     """The triangles of a file as ``read``, and ``seen``: wound so that what sees out is outside.
 
     The winding as read is ``coherent`` where neighbours agree; else it says nothing. Where nothing
-    was ``turned`` or dropped the two are one.
+    was ``turned`` or dropped the two are one. ``done`` is what it took to wind them so.
     """
 
     read: Surface
     seen: Surface
     coherent: bool
     turned: bool = True
+    done: RepairReport = RepairReport()  # noqa: RUF009 - a frozen one
 
     @classmethod
     def of(cls, parts: Sequence[Part]) -> FileSurface:
@@ -81,7 +89,12 @@ class FileSurface:
         turned = bool(done.flipped_faces or done.duplicate_faces or done.loose_faces)
         tolerance = WELD_REL * float(np.linalg.norm(np.ptp(read.points, axis=0)))
         welded, _ = weld(read, tolerance, within_parts=True)
-        return cls(read, seen, incoherence(welded) <= INCOHERENT, turned)
+        return cls(read, seen, incoherence(welded) <= INCOHERENT, turned, done)
+
+    @property
+    def oriented(self) -> tuple[Surface, RepairReport] | None:
+        """What ``repair`` starts from, if nothing is open that it winds in another way."""
+        return None if open_components(self.seen).any() else (self.seen, self.done)
 
     def encloses(self, where: Places) -> Bool[np.ndarray, "n"]:
         """Whether points [m] are inside for certain: as read, unless that makes no body.
@@ -462,12 +475,46 @@ class InputVolume(NamedTuple):
         return float(self.by_part.sum())
 
 
-def input_volume(solids: Solids, part_count: int, *, rng: np.random.Generator) -> InputVolume:
-    """Volume that each part's surface encloses, overlaps counted once."""
+def input_volume(
+    solids: Solids, part_count: int, *, rng: np.random.Generator, crossing: bool = True
+) -> InputVolume:
+    """Volume that each part's surface encloses, overlaps counted once; sampled where there are any.
+
+    crossing: Whether triangles may cross.
+    """
+    if not crossing and bodies_apart(solids):
+        owner = np.zeros(solids.surface.component.max() + 1, np.int64)
+        owner[solids.surface.component] = solids.surface.part
+        exact = np.bincount(owner, np.abs(component_volumes(solids.surface)), part_count)
+        return InputVolume(exact.astype(np.float64), 0.0)
     skin = Triangles(solids.surface.points, solids.surface.faces)
     found = inside(skin, solids.label, solids.bounds, rng=rng, count=VOLUME_SAMPLES)
     by_part = np.bincount(found.label, weights=found.cell, minlength=part_count)
     return InputVolume(by_part.astype(np.float64), found.uncertainty)
+
+
+MOST_BODIES = 100  # of which each box is held against every other one
+
+
+def bodies_apart(solids: Solids) -> bool:
+    """Whether every component is a closed manifold of one part, and no two boxes overlap."""
+    surface = solids.surface
+    if any(shell.cavity is not None for shell in solids.shells):
+        return False
+    if (face_edges(surface.faces).count != 2).any() or not bounds_itself(surface.faces):
+        return False
+    order = np.argsort(surface.component, kind="stable")
+    _, start = np.unique(surface.component[order], return_index=True)
+    part, corners = surface.part[order], surface.points[surface.faces[order]]
+    if (
+        len(start) > MOST_BODIES
+        or (np.minimum.reduceat(part, start) != np.maximum.reduceat(part, start)).any()
+    ):
+        return False
+    low = np.minimum.reduceat(corners.min(axis=1), start)
+    high = np.maximum.reduceat(corners.max(axis=1), start)
+    meet = ((low[:, None] < high) & (high[:, None] > low)).all(axis=2)
+    return int(meet.sum()) == len(start)
 
 
 def measure_distances(

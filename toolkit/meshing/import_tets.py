@@ -10,7 +10,7 @@ import numpy as np
 
 from ...converters.mesh.meshdata import read_data
 from ...fem.mesh import TetMesh, boundary_faces
-from ...predictors.asset import Asset, Part, UpAxis
+from ...predictors.asset import Asset, Part, PlainMesh, UpAxis
 from ..asset.load import Unit, scaled
 from ..asset.repair import RepairReport
 from .guarantees import ConversionReport, Distances, Region, separate, sound
@@ -44,14 +44,12 @@ def import_tets(
     data = read_data(path)
     given = data.mesh
     # The closed surface of every region, in the units of the file
-    import trimesh
-
     parts = []
     for number, name in enumerate(given.region_names):
         faces = boundary_faces(given.tets[given.region == number]).faces
         if len(faces):
             used, index = np.unique(faces, return_inverse=True)
-            surface = trimesh.Trimesh(given.points[used], index.reshape(-1, 3), process=False)
+            surface = PlainMesh(given.points[used], index.reshape(-1, 3))
             parts.append(Part(name, surface, (name,)))
     digest = hashlib.sha256(path.read_bytes()).hexdigest()
     asset = scaled(
