@@ -254,7 +254,7 @@ def row_by_numbers(
     if row.name in FOAMED and "rho" in said and light:
         return table.exact(FOAMED[row.name][-1 if (stiffness or 0) > 3 else 0])
     degree = round(said.get("shore_a", 0.0), -1)
-    graded = f"silicone Shore A{degree:.0f}"
+    graded = f"{row.name.split()[0]} Shore A{degree:.0f}"
     if row.name.startswith("silicone rubber") and key(graded) in table.phrases:
         return table.exact(graded)
     return row
