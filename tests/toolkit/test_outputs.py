@@ -11,7 +11,7 @@ from autophyx_tet.fem.errors import InputError
 from autophyx_tet.fem.mesh import box_mesh
 from autophyx_tet.toolkit import pipeline
 from autophyx_tet.toolkit.asset.document import Sidecar
-from autophyx_tet.toolkit.estimate import plan
+from autophyx_tet.toolkit.listing import plan
 from autophyx_tet.toolkit.options import ConvertOptions
 from autophyx_tet.toolkit.report import pages as folder
 
