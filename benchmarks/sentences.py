@@ -118,7 +118,7 @@ def score_sentence(
             right = is_right(wanted, values[name], values, bands, warned)
         allowed = right or (bool(sentence.get("or_warn")) and warned)
         scores.append(PartScore(*about, name, allowed, right, warned, code, found, str(wanted)))
-    if sentence.get("must_warn") and not said["doubts"]:
+    if sentence.get("must_warn") and not (said["doubts"] or said["notes"]):
         return [replace(score, right=False, plainly=False) for score in scores]
     wants = sentence.get("must_warn") or sentence.get("or_warn")
     wants = wants or {*NOTHING_KNOWN} & {str(wanted) for wanted in sentence["parts"].values()}

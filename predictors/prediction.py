@@ -169,6 +169,7 @@ class Prediction:
     def doubts(self) -> Iterator[str]:
         """Sentences about what was guessed rather than known."""
         yield from self.warnings
+        guesses: dict[tuple[str, str], list[str]] = {}  # what is taken -> the parts that have it
         looked_up = (c for c in self.choices if not (c.borrowed or c.binding))
         own = {id(choice.clause): choice.clause.text for choice in looked_up if choice.clause}
         for choice in self.choices:
@@ -185,15 +186,21 @@ class Prediction:
                 yield Note("prediction.part_called", said=said, **values)
             elif choice.understood and guess:
                 taken = Note("prediction.guessed") if choice.network else "taken as"
-                yield Note("prediction.nothing_names", taken=taken, **values)
+                guesses.setdefault((taken, choice.material), []).append(choice.part)
+        for (taken, material), of in guesses.items():
+            parts = f"part{'s' * (len(of) > 1)} {', '.join(map(repr, of))}"
+            say = Note("prediction.say_text", part=of[0])
+            values = {"parts": parts, "taken": taken, "material": material, "say": say}
+            yield Note("prediction.nothing_names", **values)
         pieces_of = Counter(self.parents)
         for parent in sorted(i for i, count in pieces_of.items() if count > 1):
             pieces = [self.parts.part_names[i] for i, p in enumerate(self.parents) if p == parent]
             yield Note(
                 "prediction.part_asset", pieces=", ".join(map(repr, pieces)), divided=DIVIDED
             )
+        known = all(c.clause and not (c.borrowed or c.guessed or c.binding) for c in self.choices)
         for clause in self.unbound:
-            yield Note("prediction.part_found", clause=clause)
+            yield Note("prediction.part_idle" if known else "prediction.part_found", clause=clause)
 
     def for_each(self, parts: PartVoxels, first: Sequence[int]) -> Prediction:
         """Give each part the answer, and the pieces, of the ``first`` part that it is like."""

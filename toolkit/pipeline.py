@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..fem.mesh import TetMesh
-from ..fem.note import Note
+from ..fem.note import Note, severity_of
 from ..predictors.asset import Asset
 from .asset import path_of
 from .asset.document import (
@@ -245,7 +245,7 @@ def assign(
         sampling=sampled,
         sidecar=sidecar,
         warnings=(*warnings, *doubts, *filter(None, apparent), *unmatched),
-        doubts=doubts,
+        doubts=tuple(line for line in doubts if severity_of(line) != "note"),
     )
     if options.strict:
         result.check_bands()

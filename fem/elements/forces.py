@@ -102,7 +102,7 @@ def load_vector(
     gravity = checked_vector("gravity_vector", gravity_vector, "m/s^2")
     total = np.zeros((len(space.nodes), 3))
     if gravity.any():
-        mass = nodal_integral(grid, grid.constant(material_of(mesh).rho))
+        mass = nodal_integral(grid, *grid.constants(material_of(mesh).rho))
         for axis in np.flatnonzero(gravity):  # a few times faster than all at once
             total[:, axis] = mass * gravity[axis]
     if body is not None:
@@ -159,7 +159,7 @@ def weighing_mass(
     """
     if not (supports.fixed.any() or supports.springs.any()):
         return lumped_mass(mesh, grid.space)
-    return nodal_integral(grid, grid.constant(material_of(mesh).rho))
+    return nodal_integral(grid, *grid.constants(material_of(mesh).rho))
 
 
 def consistent_mass(mesh: TetMesh, grid: Discretisation) -> Any:

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import re
 import tomllib
-import unicodedata
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from functools import lru_cache
@@ -16,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .english import DATA, Atom, Phrase
+from .english import DATA, Atom, Phrase, bare
 from .materials import ReaderLexicon
 from .parts import places
 
@@ -93,12 +92,6 @@ def _entries(text: str) -> Iterator[tuple[Phrase, str]]:
         words, equals, english = entry.partition("=")
         for word in words.split(",") if equals else ():
             yield tuple(re.findall(r"\w+", bare(word))), english.strip()
-
-
-def bare(word: str) -> str:
-    """A word in small letters without accents: "Füße" -> fusse."""
-    plain = unicodedata.normalize("NFD", word.casefold())
-    return "".join(c for c in plain if not unicodedata.combining(c))
 
 
 def glossed(cut: list[Atom], lexicon: ReaderLexicon, known: Collection[str]) -> Glossed | None:

@@ -58,8 +58,9 @@ def lex(text: str, lexicon: ReaderLexicon, names: Sequence[str]) -> Lexed:
     plain = atoms(text, lexicon.model, known) if ignored else []
     rows = named_materials(text, plain, lexicon, known, several=len(names) > 1) if plain else []
     rows = [x for x in rows if x.words in lexicon.rows]
+    own = [m.span() for name in names for m in re.finditer(re.escape(name), text)]
     for m in ignored:
-        if not any(x.start <= m.start() and m.end() <= x.end and x.text != m[0] for x in rows):
+        if not any(a < m.end() and m.start() < b for a, b in own) and not any(x.start <= m.start() and m.end() <= x.end and x.text != m[0] for x in rows):
             text = text[: m.start()] + " " * len(m[0]) + text[m.end() :]
     text = re.sub(r"\(\s*\)", lambda m: " " * len(m[0]), text)  # "modulus (ISO 527) 2000 MPa"
     text, loads = without_loads(text)
@@ -113,7 +114,7 @@ def lex(text: str, lexicon: ReaderLexicon, names: Sequence[str]) -> Lexed:
     lexemes = [
         replace(
             x, tag=token.tag_, dep=token.dep_,
-            note=x.note or "; ".join(n for at, n in mended.items() if x.start <= at < x.end),
+            note=x.note or next((n for at, n in mended.items() if x.start <= at < x.end), ""),
         )
         for x, token in zip(lexemes, lexicon.model.doc(shown) if shown else (), strict=True)
     ]  # fmt: skip
@@ -174,12 +175,12 @@ def _mended_spelling(
         near = None if glued else _nearest(cut[i], lexicon, known)
         if near:
             mended[i] = cut[i]._replace(stem=near, text=near)
-            notes[cut[i].start] = f"read {cut[i].text!r} as {near!r}"
+            notes[cut[i].start] = Note("lexing.spelt", word=cut[i].text, near=near)
     for i, (atom, after) in enumerate(pairwise(mended)):  # "caste iron"
         near = None if atom.stem in known else _near_phrase(atom, after, lexicon)
         if near:
             mended[i] = atom._replace(stem=near, text=near)
-            notes[atom.start] = f"read {atom.text!r} as {near!r}"
+            notes[atom.start] = Note("lexing.spelt", word=atom.text, near=near)
     left = [i for i in odd if mended[i] is cut[i]]
     strange = {cut[i].start for i in left}
     long = sum(atom.text.isalpha() and len(atom.text) >= SHORTEST_MENDED for atom in cut)
@@ -408,10 +409,12 @@ def one_of(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
     out: list[Lexeme] = []
     for lexeme in lexemes:
         either = [x.text.lower() for x in out[-1:]] in (["or"], ["and/or"])
-        first = out[-2] if either and len(out) > 1 else None
+        before = [x for x in out[:-1] if x.role != "open" and not x.part]  # "ash legs (or oak)"
+        first = before[-1] if either and before else None
         if first and first.role == lexeme.role == "material" and first.value is not lexeme.value:
             note = Note("lexing.one_of", first=first.text, second=lexeme.text)
-            out[-2:] = [replace(first, note=note)]
+            out[out.index(first)] = replace(first, note=note)
+            out.pop()
         else:
             out.append(lexeme)
     return out

@@ -13,7 +13,18 @@ from functools import cached_property, lru_cache
 from typing import Any, NamedTuple
 
 from ...fem.table import Material, MaterialTable, load_contents
-from .english import ATOM, DATA, Atom, LanguageModel, Lexeme, Phrase, is_glue, load_model, words
+from .english import (
+    ATOM,
+    DATA,
+    Atom,
+    LanguageModel,
+    Lexeme,
+    Phrase,
+    bare,
+    is_glue,
+    load_model,
+    words,
+)
 from .parts import part_words
 
 NEAREST = 3  # rows that are named beside an unknown material
@@ -274,7 +285,8 @@ def _material(
         end += 1
     run = cut[i:end]
     stems: Phrase = tuple(a.stem for a in run if a.text[0].isalnum())
-    row = lexicon.rows.get(stems) or (None if known & {*stems} else lexicon.turned.get(stems))
+    row = lexicon.rows.get(stems) or lexicon.rows.get(tuple(map(bare, stems)))
+    row = row or (None if known & {*stems} else lexicon.turned.get(stems))
     if any(a.text == "," for a in run) and stems not in lexicon.listed:
         return None  # "rubber sole, leather upper" is no sole leather
     if not row:

@@ -373,6 +373,8 @@ _GUARDS: dict[str, Callable[[Cascade, Draft, Draft], bool]] = {
 _SAYING = ("material", "level", "number", "unknown")
 # Roles of words that a part may be called by all the same: "cover", "core", "body".
 _SMALL = "character empty attributes coating idle look factors fill vague coat".split()
+# Roles that a part's name does not take from a word.
+_OWN = ("material", "number", "part", "digits", "compare", "hyphen", "sign", "told", "size")
 Kind = Literal["part", "modifier", "material", "level", "number", "coating", "filling", "unknown",
                "left", "kin"]  # fmt: skip
 
@@ -459,8 +461,9 @@ def _mentions(run: list[Lexeme], *, owes: bool) -> list[Mention]:
     out: list[Mention] = []
     degree, fake = "", False
     for i, lexeme in enumerate(run):
-        small = lexeme.part or (len(lexeme.words) == 1 and {*lexeme.words} & places())
-        role = "word" if small and lexeme.role in _SMALL else lexeme.role
+        place = len(lexeme.words) == 1 and {*lexeme.words} & places() and lexeme.role in _SMALL
+        called = lexeme.part and lexeme.role not in _OWN
+        role = "word" if place or called else lexeme.role
         if role == "degree":
             degree = lexeme.value
         elif role == "fake":
@@ -486,7 +489,8 @@ def _mentions(run: list[Lexeme], *, owes: bool) -> list[Mention]:
             # It turns the material before it into what it is there for, or goes: "powder-coated"
             last = out[-1] if out else None
             if last and last.kind == "material":
-                if role != "coat" or len(out) == 1 or i + 1 < len(run):
+                before = any(m.kind == "material" for m in out[:-1])  # "CuSn6 gold plated"
+                if role != "coat" or len(out) == 1 or before or i + 1 < len(run):
                     out[-1] = replace(last, kind="filling" if role == "fill" else "coating")
             elif last and not last.says and not last.lexeme.part:
                 if lexeme.start - last.lexeme.end <= 1:
@@ -587,7 +591,8 @@ SURE, MENDED = 1.0, 0.8  # certainty: as it stands; with something mended, guess
 _BEFORE = 30  # letters before a matter that may hold its state: "rusty galvanised steel"
 _HEDGE = re.compile(
     r"(?i)\b(?:might be|may be|maybe|perhaps|possibly|probably|presumably|not sure|unsure|i think"
-    r"|i guess|t\.?b\.?[cd]\b|to be confirmed)"
+    r"|i guess|t\.?b\.?[cd]\b|to be confirmed|nobody knows|no one knows|unclear|undecided"
+    r"|disputed|conflicting|which is right)"
 )
 _LISTS = ("character", "numbers", "comparisons")  # fields that a clause has from its draft
 _SAME = ("phrase", "kind", "coating", "filling", "blend")
@@ -822,18 +827,35 @@ def clause_of(text: str, draft: Draft, lexicon: ReaderLexicon) -> Clause:
     meant = lexicon.meant(draft.unknown.lower()) if not (draft.material or liquid) else ()
     if meant and len(draft.unknown) > SHORT:
         draft.material, draft.phrase = lexicon.rows[meant], meant[0]
-        draft.notes.append(f"read {draft.unknown!r} as {meant[0]!r}")
-    heads, fired = {name[-1] for name in names}, words()["fired"]
-    if draft.phrase.lower() in fired and heads & {*fired["things"]}:
-        draft.material = lexicon.first_row([fired[draft.phrase.lower()]]) or draft.material
+        draft.notes.append(Note("lexing.spelt", word=draft.unknown, near=meant[0]))
+    heads, low = {name[-1] for name in names}, {*re.findall(r"[^\W\d_]+", text.lower())}
+    for sense in words()["sense"]:
+        near = heads & {*sense.get("things", ())} or low & {*sense.get("text", ())}
+        if draft.material and near and draft.phrase.lower() == sense["word"]:
+            draft.material = lexicon.first_row([sense["row"]]) or draft.material
     # What of a draft was guessed or left out
-    strange = (
+    strange = [
         x.text for x in draft.lexemes
         if x.role == "word" and not (x.known or x.part or x.text in draft.unknown)
         and not x.text.endswith("ed")  # a treatment that no dictionary has: "rotomoulded"
-    )  # fmt: skip
-    left = [*draft.left, *(strange if draft.material else ())]
+    ]  # fmt: skip
+    left = [*draft.left, *strange * bool(draft.material)]
+    # Beside a matter by its own name a code, a brand or a treatment changes nothing; not so where
+    # that name was mended, or is a family's with the word before it: "brondium alloy"
+    mended = any(getattr(x.note, "kind", "") == "lexing.spelt" for x in draft.lexemes)
+    plain = draft.material and not (draft.kind or mended)
+    head = draft.phrase if plain and not draft.material.grade and " " not in draft.phrase else ""
+    idle = [
+        word for word in left
+        if plain and not lexicon.rows.get(lexicon.phrase(word))
+        and not (head and word.isalpha() and re.search(rf"{word}[ -]{re.escape(head)}", text))
+        and word not in words()["states"]["words"] and not lexicon.model.is_noun(word.lower())
+    ]  # fmt: skip
+    left = [word for word in left if word not in idle]
     told = [Note("reader.beside_left", word=word) for word in left]
+    if idle:
+        said = ", ".join(map(repr, dict.fromkeys(idle)))
+        told.append(Note("reader.beside_idle", words=said, phrase=draft.phrase))
     if draft.material:
         states = {*words()["states"]["words"]} - lexicon.row_words(draft.material)
         at = next((x.start for x in draft.lexemes if x.text == draft.phrase), 0)

@@ -10,7 +10,7 @@ from autophyx_tet.fem.table import load_table
 from autophyx_tet.predictors.resolve.resolve import Lookup
 from autophyx_tet.predictors.text.clauses import bind
 from autophyx_tet.predictors.text.reader import parse
-from autophyx_tet.toolkit.options import AssignOptions
+from autophyx_tet.toolkit.options import AssignOptions, ConvertOptions
 
 pytestmark = pytest.mark.blockers
 
@@ -136,11 +136,12 @@ def test_what_is_told_of_an_unknown_word_is_what_the_mesh_holds(tmp_path):
     assert read_as_unknown >= 5  # or the loop above looked at no such line
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_run_records_an_unknown_word_as_a_guess(tmp_path):
     """``run.json`` of a box of "xyzzy": the material that the warning names, and a guess."""
     trimesh.creation.box((0.1, 0.1, 0.1)).export(tmp_path / "box.stl")
-    apx.run(tmp_path / "box.stl", ["the unobtainium is xyzzy"], output=tmp_path / "out")
+    known = {"output": tmp_path / "out", "convert_options": ConvertOptions(edge_length_rel=0.3)}
+    apx.run(tmp_path / "box.stl", ["the unobtainium is xyzzy"], **known)
     document = json.loads((tmp_path / "out" / "run.json").read_text())
     (case,) = document["cases"]
     (part,) = case["parts"]

@@ -209,7 +209,7 @@ def test_damaged_files_of_many_features(damage):
 
 @pytest.mark.long
 @given(DAMAGE)
-@settings(max_examples=4000, deadline=None)
+@settings(max_examples=1500, deadline=None)
 def test_damaged_files_of_many_features_at_length(damage):
     number, keep, strikes = damage
     suffix, data = RICH[number]
@@ -221,7 +221,7 @@ GUARDED = {".step": writers.step(test_cases.STEP_BOXES).encode(), ".fbx": test_c
 
 @pytest.mark.long
 @given(st.sampled_from(sorted(GUARDED)), DAMAGE)
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=20, deadline=None)
 def test_damaged_files_of_native_readers(suffix, damage):
     """They crash in a process of their own, if they do."""
     _read_or_refuse(Path(f"fuzz{suffix}"), _damaged(GUARDED[suffix], *damage[1:]))

@@ -70,7 +70,7 @@ def test_build_and_train(tmp_path):
     assert again["history"] == trained["history"]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_ranges_and_their_network(tmp_path, monkeypatch):
     """`dataset ranges` and `train unipixie-cpu` (shortened) give weights; done is done."""
     monkeypatch.setattr(minilm, "MiniLM", _Letters)

@@ -53,7 +53,7 @@ def test_the_force_of_a_steel_ball_is_not_told():
     assert check(fallen, "contact").outcome == "not made"
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_cube_rebounds_as_by_fine_steps_or_in_doubt():
     """0.67 of the height by 900 steps of BDF2; the default within 20 %, others not vouched for."""
     mesh = matter(box_mesh((0.1, 0.1, 0.1), (3, 3, 3)), 1e5, 1000.0)

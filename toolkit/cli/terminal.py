@@ -13,6 +13,7 @@ from contextlib import contextmanager
 from threading import Event, Thread
 from typing import TYPE_CHECKING, Any
 
+from ...fem.note import severity_of
 from ..options import EXPECTED
 
 if TYPE_CHECKING:
@@ -51,13 +52,18 @@ def show(document: Document, lines: Callable[[Document], Shown]) -> None:
     warn(document)
 
 
+# How a line begins and looks, by how much it matters.
+_GRAVITY = {"note": ("note", "dim"), "doubt": ("warning", "yellow"), "error": ("not used", "red")}
+
+
 def warn(document: Document) -> None:
     """Print a document's warnings on stderr."""
     from rich.console import Console
 
     for warning in document.get("warnings", ()):
+        word, style = _GRAVITY[severity_of(warning)]
         Console(stderr=True, highlight=False).print(
-            "warning:", warning, markup=False, style="yellow", soft_wrap=True
+            f"{word}:", warning, markup=False, style=style, soft_wrap=True
         )
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from ...fem.errors import BandError, UsageError
 from ...fem.mesh import TetMesh, material_of
-from ...fem.note import Note
+from ...fem.note import Note, severity_of
 from ...fem.table import AS_STATED, FIELDS, MaterialValue, Span, outside_band
 from ...fem.uncertainty import MIDDLE
 from ...predictors.construction import MassInterval
@@ -203,5 +203,6 @@ class Assignment:
             "parts": self.part_rows(),
             "verdicts": [one.document() for one in (*self.verdicts(), *self._drawn_mass())],
             "doubts": self.doubts,
+            "notes": [line for line in self.warnings if severity_of(line) == "note"],
             "warnings": self.warnings,
         }

@@ -344,7 +344,8 @@ class MotionSimulation(Simulation):
         pushes = np.linalg.norm(motion.obstacle_forces, axis=2)
         forces, pressures = pushes.max(axis=0), motion.largest_pressures
         impact = motion.impact
-        unknown = impact is not None and bool(pushes.any() and impact.unresolved)
+        met = pushes.any() or bool(motion.piece_forces)
+        unknown = bool(impact is not None and met and impact.unresolved)
         if impact is not None:
             forces = np.maximum(forces, impact.forces)
         found: dict[str, Any] = {
@@ -357,13 +358,13 @@ class MotionSimulation(Simulation):
             "obstacle_forces": pushes.tolist(),
         }
         if pressures is not None:
-            found["max_obstacle_pressures"] = pressures.obstacles.tolist()
-            found["max_own_pressure"] = pressures.own
+            found["max_obstacle_pressures"] = None if unknown else pressures.obstacles.tolist()
+            found["max_own_pressure"] = None if unknown else pressures.own
         found["piece_forces"] = [
             {
                 "on": names[on],
                 "by": names[by],
-                "largest": float(np.linalg.norm(force, axis=1).max()),
+                "largest": None if unknown else float(np.linalg.norm(force, axis=1).max()),
                 "last": force[-1].tolist(),
             }
             for (on, by), force in motion.piece_forces.items()
