@@ -115,7 +115,7 @@ def test_every_command_takes_the_minus(tmp_path):
     assert "-y" in json.dumps(run)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_splat_of_colmap_rests_on_its_right_end(tmp_path):
     """A cone of splats, its tip at -y: clamped at its wide end, as the plain one with y up."""
     answers = []

@@ -5,8 +5,8 @@ lists of languages. A template is text with slots:
 
 ``[a|b|]`` one of them; ``<name>`` one entry of a list of the language, else of English; ``<#5-90>``
 a whole number, ``<modulus>`` and ``<density>`` a value with its unit; ``{A}`` how the text calls
-the parts A, ``{the A}`` with an article; ``{A=list}`` an entry of a list that speaks of A; ``{3=list}``
-the same in another role; ``{A+B3=list}`` both. A list's entry may begin with its weight: "5*...".
+the parts A, ``{the A}`` with an article; ``{A=list}`` an entry of a list that speaks of A;
+``{3=list}`` the same in another role; ``{A+B3=list}`` both. A list's entry may begin with its weight: "5*...".
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ import random
 import re
 import tomllib
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
-from functools import lru_cache
+from dataclasses import dataclass
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -79,7 +79,7 @@ class Node(NamedTuple):
     value: Any
 
 
-@lru_cache(maxsize=None)
+@cache
 def _parsed(template: str) -> list[Node]:
     """Nodes of a template."""
 
@@ -140,9 +140,11 @@ class Generator:
     # Drawing
 
     def chance(self, share: float) -> bool:
+        """True in this share [1] of draws."""
         return self.dice.random() < share
 
     def one(self, of: Sequence[Any]) -> Any:
+        """One of these, all as likely."""
         return of[int(self.dice.random() * len(of))]
 
     def entry(self, name: str) -> str:

@@ -109,7 +109,7 @@ class TaggerNetwork(nn.Module):
 
 
 def role_loss(logits: Tensor, batch: Batch) -> Losses:
-    """Cross entropy of the roles of a text's tokens; how many pairs have a token decided wrongly."""
+    """Cross entropy of the roles of a text's tokens; how many pairs have a token decided wrong."""
     text = batch.roles >= 0
     loss = functional.cross_entropy(
         logits.float().flatten(0, 1), batch.roles.flatten().clamp(min=-1), ignore_index=-1
