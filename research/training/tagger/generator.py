@@ -6,7 +6,8 @@ lists of languages. A template is text with slots:
 ``[a|b|]`` one of them; ``<name>`` one entry of a list of the language, else of English; ``<#5-90>``
 a whole number, ``<modulus>`` and ``<density>`` a value with its unit; ``{A}`` how the text calls
 the parts A, ``{the A}`` with an article; ``{A=list}`` an entry of a list that speaks of A;
-``{3=list}`` the same in another role; ``{A+B3=list}`` both. A list's entry may begin with its weight: "5*...".
+``{3=list}`` the same in another role; ``{A+B3=list}`` both. An entry of a list may begin with its
+weight: "5*...".
 """
 
 from __future__ import annotations
