@@ -89,7 +89,7 @@ _SPREAD = (
 )
 _BOUND = DATA["units"]["bound"]
 _LINK = (
-    r"\s*(?:\((?:ISO|DIN|EN|ASTM)[^()]*\)\s*)?(?:(?:of|is|was|are|=|:|~|≈|about|around|approx\.?|approximately|roughly|ca\.?|at|to|taken as|measured|nominal|mean|,mean"
+    r"\s*(?:\((?:ISO|DIN|EN|ASTM)[^()]*\)\s*)?(?:(?:of|de|von|is|was|are|=|:|~|≈|about|around|approx\.?|approximately|roughly|ca\.?|at|to|taken as|measured|nominal|mean|,mean"
     r"|(?:as )?per (?:the )?(?:data ?sheet|supplier|test|drawing)"
     r"|just|only|exactly|nearly|almost|some|in the range of|(?i:" + _BOUND + r"))\s*)*"
 )
@@ -127,7 +127,7 @@ _SHORE = re.compile(
     rf"(?:\s?(?i:shore))?(?![\w%]|\.\d)"
     rf"|(?i:hardness){_GAP}(?P<n4>\d{{1,3}})\s?°?\s?(?P<s6>[AD])(?!\w)"
     rf"|(?<!\d-)(?P<n2>\d{{1,3}})(?:\s?(?:±|\+/-)\s?\d+)?\s?°?\s?-?(?P<s3>[ADad])?\s?-?"
-    rf"(?:on the )?{_HARD}(?:[\s-]*(?P<s4>[AD])(?!\w))?(?: scale)?(?!\w)"
+    rf"(?:on the )?{_HARD}(?:\s(?i:shore))?(?:[\s-]*(?P<s4>[AD])(?!\w))?(?: scale)?(?!\w)"
     rf"|(?P<n3>(?:10|[1-9])\d)(?:-?(?P<s5>[ADad])| (?P<s7>[AD]))(?![\w-]))"
 )
 _SHORE_OTHER = re.compile(

@@ -470,8 +470,8 @@ def _mentions(run: list[Lexeme], *, owes: bool) -> list[Mention]:
         role = "word" if place or called else lexeme.role
         if role == "degree":
             degree = lexeme.value
-        elif role == "fake":
-            fake = True
+        elif role == "fake" or (role == "look" and not out and _is_material(run[i + 1 : i + 2])):
+            fake = True  # "imitation ivory"
         elif role == "material" and lexeme.names and len(lexeme.words) > 1:
             # "cardboard box" of a part "box", "spring steel" of a spring: the phrase names the
             # matter, one word of it the part.
@@ -494,7 +494,8 @@ def _mentions(run: list[Lexeme], *, owes: bool) -> list[Mention]:
             last = out[-1] if out else None
             if last and last.kind == "material":
                 before = any(m.kind == "material" for m in out[:-1])  # "CuSn6 gold plated"
-                if role != "coat" or len(out) == 1 or before or i + 1 < len(run):
+                bears = {*lexeme.words} & {*words()["implied"]}  # "laiton chromé": on brass
+                if not bears and (role != "coat" or len(out) == 1 or before or i + 1 < len(run)):
                     out[-1] = replace(last, kind="filling" if role == "fill" else "coating")
             elif last and not last.says and not last.lexeme.part:
                 if lexeme.start - last.lexeme.end <= 1:
@@ -528,6 +529,10 @@ def _mentions(run: list[Lexeme], *, owes: bool) -> list[Mention]:
         elif role == "empty" and not any(m.kind in _SAYING for m in out[-2:]):
             out.append(Mention("part" if i + 1 == len(run) else "modifier", lexeme))
     return out
+
+
+def _is_material(lexemes: Sequence[Lexeme]) -> bool:
+    return any(x.role == "material" for x in lexemes)
 
 
 def _word(lexeme: Lexeme, run: list[Lexeme], i: int) -> Mention:
