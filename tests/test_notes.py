@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 from autophyx_tet.fem.errors import InputError
-from autophyx_tet.fem.note import Note
+from autophyx_tet.fem.note import Note, severity_of
 from autophyx_tet.toolkit.verdict.check import RESTS_ON
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -23,6 +23,7 @@ def _sentences() -> dict[str, set[str]]:
             name.partition(".")[0] for _, name, _, _ in string.Formatter().parse(text) if name
         }
         for file, table in tables.items()
+        if file != "severity"
         for key, text in table.items()
     }
 
@@ -65,6 +66,21 @@ def test_no_sentence_is_left_over():
     named = {f"named.{name.replace(' ', '_')}" for name in checks}
     kinds = {kind for _, kind, _ in _calls()}
     assert not set(_sentences()) - kinds - named - {f"severity.{kind}" for kind in kinds}
+
+
+def test_a_severity_is_of_a_kind_that_there_is():
+    told = tomllib.loads((ROOT / "toolkit/verdict/sentences.toml").read_text())["severity"]
+    assert set(told) <= set(_sentences())
+    assert set(told.values()) <= {"note", "error"}  # all others are doubts
+
+
+def test_a_note_of_a_part_matters_as_what_it_says():
+    spelt = Note("lexing.spelt", word="stell", near="steel")
+    lost = Note("reader.beside_left", word="foam")
+    of = {"parts": "part 'a'", "names": ("a",)}
+    assert severity_of(Note("resolve.of_part", said=spelt, **of)) == "note"
+    assert severity_of(Note("resolve.of_part", said=lost, **of)) == "doubt"
+    assert severity_of("words of nobody") == "doubt"
 
 
 def test_a_note_is_its_sentence_and_keeps_its_values():
