@@ -166,7 +166,8 @@ def with_numbers(
         warnings.append(other)
         del said["E"]
     if blend is not None:
-        fibre = next((name for name in FIBRES if name in blend.material), None)
+        rows = {"CFRP (along fibre)": "carbon", "E-glass fibre": "glass"}  # of the words for them
+        fibre = rows.get(blend.material)
         if fibre is None:
             warnings.append(Note("numbers.part_changes_known", part=part, **vars(blend)))
         else:
@@ -254,7 +255,7 @@ def row_by_numbers(
     if row.name in FOAMED and "rho" in said and light:
         return table.exact(FOAMED[row.name][-1 if (stiffness or 0) > 3 else 0])
     degree = round(said.get("shore_a", 0.0), -1)
-    graded = f"silicone Shore A{degree:.0f}"
+    graded = f"{row.name.split()[0]} Shore A{degree:.0f}"
     if row.name.startswith("silicone rubber") and key(graded) in table.phrases:
         return table.exact(graded)
     return row
@@ -344,8 +345,8 @@ def numbers_of_parts(options: Sequence[str]) -> dict[str, dict[str, float]]:
             numbers = {key.strip(): float(value) for key, _, value in items}
         except ValueError as error:
             raise UsageError("numbers.wanted_numbers", option=option, error=error) from error
-        for key, (low, high) in SETTABLE.items():
-            if key in numbers and not low < numbers[key] < high:
-                raise UsageError("numbers.must_lie", key=key, low=low, high=high, option=option)
+        for field, (low, high) in SETTABLE.items():
+            if field in numbers and not low < numbers[field] < high:
+                raise UsageError("numbers.must_lie", key=field, low=low, high=high, option=option)
         found.setdefault(name.strip(), {}).update(numbers)
     return found

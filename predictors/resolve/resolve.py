@@ -159,6 +159,14 @@ class Lookup:
                  for part in bound.parts]  # fmt: skip
         warnings = (*sentence.notes, *_unread(sentence, idle=all(named)))
         warnings = [note for note in warnings if note not in told]
+        # A matter or a number by itself behind what is said of parts, which it may change
+        for k in bound.unbound:
+            clause, before = sentence.clauses[k], sentence.clauses[k - 1] if k else None
+            says = clause.subject.scope == "none" and (clause.material or clause.numbers)
+            between = sentence.text[before.span[1] : clause.span[0]] if before else "."
+            of = [p.name for p, b in zip(parts, bound.parts, strict=True) if k - 1 in b.clauses]
+            if says and of and not re.search(r"[.;\n]\s", between):
+                warnings.append(_of_parts(Note("reader.beside_left", word=clause.text), of))
         lost = {k for k in bound.unbound if sentence.clauses[k].says_matter}
         whole = {
             (i, k)
@@ -577,7 +585,9 @@ class Decider:
         ``volume`` [m^3] is that of all parts of which the same is said.
         """
         choice = self._row_of(part, statement)
-        row = row_by_numbers(choice.row, self.table, statement.numbers, statement.first("stiffness"))
+        row = row_by_numbers(
+            choice.row, self.table, statement.numbers, statement.first("stiffness")
+        )
         choice = replace(choice, row=row)
         if statement.override:
             choice = replace(choice, why=f"override: {statement.override!r}", settled=True)

@@ -47,9 +47,6 @@ class Lexed:
 def lex(text: str, lexicon: ReaderLexicon, names: Sequence[str]) -> Lexed:
     """Cut a text into lexemes and tag them."""
     known = {word for name in names for word in part_name_words(name)}
-    head = text.partition("\n")[0]
-    if head.count(",") and _HEADED.search(head):  # a table with commas between its columns
-        text = re.sub(r",(?!\s)", "|", text)
     for rule in words()["rewrites"]:  # what stands for a word is written by it, in as many letters
         width = lambda m, to=rule["to"]: m.expand(to).ljust(len(m[0]))[: len(m[0])]  # noqa: E731
         text = re.sub(rule["find"], width, text)
@@ -60,7 +57,9 @@ def lex(text: str, lexicon: ReaderLexicon, names: Sequence[str]) -> Lexed:
     rows = [x for x in rows if x.words in lexicon.rows]
     own = [m.span() for name in names for m in re.finditer(re.escape(name), text)]
     for m in ignored:
-        if not any(a < m.end() and m.start() < b for a, b in own) and not any(x.start <= m.start() and m.end() <= x.end and x.text != m[0] for x in rows):
+        if not any(a < m.end() and m.start() < b for a, b in own) and not any(
+            x.start <= m.start() and m.end() <= x.end and x.text != m[0] for x in rows
+        ):
             text = text[: m.start()] + " " * len(m[0]) + text[m.end() :]
     text = re.sub(r"\(\s*\)", lambda m: " " * len(m[0]), text)  # "modulus (ISO 527) 2000 MPa"
     text, loads = without_loads(text)
@@ -124,7 +123,6 @@ def lex(text: str, lexicon: ReaderLexicon, names: Sequence[str]) -> Lexed:
 # Loads that a text speaks of: its words set none, so that they are told with what does.
 
 _LOADS = re.compile(words()["loads"]["pattern"], re.VERBOSE)
-_HEADED = re.compile(r"(?i)(?<!\w)(?:material|mat|werkstoff|matériau|part|part name|bauteil)(?!\w)")
 _CODED = re.compile(r"(?=.*\d)(?=.*[A-Za-z])[^\s%]{3,}")
 _UNIT = re.compile(r" ?(?:[kMG]?Pa|psi|ksi|k?g/|N/)")
 _IGNORED = [re.compile(rf"(?<![\w.])(?:{each})(?!\w)") for each in words()["ignored"]["patterns"]]
@@ -433,7 +431,7 @@ def same_again(lexemes: Sequence[Lexeme], lexicon: ReaderLexicon) -> list[Lexeme
         if first.role != "material" or end == at or lexemes[at].role != "open":
             continue
         rows = [x for x in inside if x.role == "material"]
-        others = any(x.part or x.role in ("number", "is", "of", "with") for x in inside)
+        others = any(x.part or x.role in ("number", "is", "of", "with", "not") for x in inside)
         if len(rows) == 1 and not others and not first.part:
             (second,) = rows
             mixed = any(isinstance(x.value, Blend) for x in out[-3:])  # "glass-filled PA (PA-GF30)"

@@ -168,6 +168,7 @@ def test_wind_sees_the_outside_alone(body):
     np.testing.assert_allclose(drag, (0.5 * 1.225 * 100 * 1.2, 0, 0), atol=1e-6)
 
 
+@pytest.mark.slow
 def test_pressure_is_outside_unless_it_is_said_to_be_inside():
     """Areas of a box with walls of a sixth: 6 m2 outside, 6 (2/3)^2 inside, and both are told."""
     sides = {"all": 6.0, "inside:all": 6 * (2 / 3) ** 2, "inside:box:0,0,0,1,1,0.4": None}

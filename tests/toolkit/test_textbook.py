@@ -162,6 +162,7 @@ def lame_ball(r, a, b, inner, outer, E, nu):
     return r / E * (1 - 2 * nu) * mean + (1 + nu) / E * share / r**2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("place", "inner"), [("all", 0.0), ("inside:all", 1e5)])
 def test_a_hollow_ball_under_pressure(place, inner):
     """Lame's ball, pressed from outside or from within; 3 %: flat faces of 22 degrees."""
@@ -174,6 +175,7 @@ def test_a_hollow_ball_under_pressure(place, inner):
     assert (high - low)[2] / 2 == pytest.approx(exact, rel=0.03)
 
 
+@pytest.mark.slow
 def test_a_round_bar_twists():
     """T L / G J with J = pi R^4 / 2, and T about the axis at the wall; 2 %: 32 flat sides."""
     R, L, T = 0.02, 0.2, 1.0

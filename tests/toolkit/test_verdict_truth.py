@@ -52,6 +52,7 @@ def test_nothing_is_green_beside_a_coarse_mesh_and_one_line_says_so():
     assert "its shape" in line.sentence
 
 
+@pytest.mark.slow
 def test_nothing_is_green_beside_a_guess():
     """Nobody says what it is of: neither usual values nor what follows from them are a pass."""
     mesh = box_mesh((0.3, 0.1, 0.1), (6, 2, 2))

@@ -211,6 +211,8 @@ def _report(
         distances=made.distances,
         split_edges=filling.mesh.split_edges,
         doubled_points=filling.mesh.doubled_points,
+        mended_vertices=filling.mesh.mended,
+        pinched=tuple(map(tuple, filling.mesh.pinched + asset.bounds.mean(axis=0))),
         layers=filling.target.layers,
         mesher=FTETWILD if filling.lattice is None else STUFFING,
         beads=fit.beads,

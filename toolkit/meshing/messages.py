@@ -41,7 +41,9 @@ def said(report: ConversionReport, layers: int = 1, max_tets: int | None = None)
     if report.losses.swallowed:
         told.append(Note("messages.swallowed", parts=listed(report.losses.swallowed)))
     if pinched := report.quality.boundary.pinched_vertices:
-        told.append(Note("messages.pinched", count=pinched))
+        places = ["({:.3g}, {:.3g}, {:.3g}) m".format(*place) for place in report.pinched]
+        at = ", ".join(places[:MOST]) + _more(len(places))
+        told.append(Note("messages.pinched", count=pinched, at=at and f", around {at},"))
     if losses.capped > MOST_LOST:
         least = (1 - losses.capped) * report.input_volume
         got = report.quality.volume
