@@ -260,12 +260,13 @@ def _read(
     text: str, mesh: TetMesh, sidecar: Sidecar, options: AssignOptions
 ) -> tuple[Bound, MaterialTable]:
     """What a text says of the regions of a mesh, read here, once; and the materials it may name."""
+    from ..predictors.text.opinion import with_second_opinion
     from ..predictors.text.reader import read_sentence
 
     table = with_own_rows(options.table) if options.table else load_table()
     labels = sidecar.labels_of(mesh.region_names)
     if not options.interpreter:
-        return read_sentence(text, labels, table), table
+        return with_second_opinion(read_sentence(text, labels, table), labels, table), table
     from ..predictors.text.clauses import bind
     from ..predictors.text.interpreter import ChatEndpoint, interpret
 
