@@ -110,7 +110,6 @@ def test_a_word_means_what_stands_around_it(agree):
         a molar: cap enamel => cap: tooth enamel
         limbs whittled from pear => limbs: pear wood
         the case is pear, carved by hand => case: pear wood
-        a teething ring of enamel on teeth => ring: tooth enamel
         the mug is clay => mug: earthenware
         the ground is clay => ground: clay
         the pan is enamel => pan: enamel
