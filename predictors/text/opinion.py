@@ -30,7 +30,9 @@ _SENTENCE = {
 }
 
 
-def with_second_opinion(bound: Bound, labels: Sequence[Sequence[str]], table: MaterialTable) -> Bound:
+def with_second_opinion(
+    bound: Bound, labels: Sequence[Sequence[str]], table: MaterialTable
+) -> Bound:
     """Return what a text says of every part, with the tagger's reading where that is the better.
 
     bound: What the grammar read, and of which part.
