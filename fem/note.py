@@ -57,7 +57,9 @@ class Note(str):
     def severity(self) -> Severity:
         """How much it matters: that of what it ``said`` of something, else by its kind."""
         said = self.values.get("said")
-        return said.severity if isinstance(said, Note) else _told(f"severity.{self.kind}") or "doubt"
+        return (
+            said.severity if isinstance(said, Note) else _told(f"severity.{self.kind}") or "doubt"
+        )
 
 
 def severity_of(line: str) -> Severity:

@@ -577,7 +577,9 @@ class Decider:
         ``volume`` [m^3] is that of all parts of which the same is said.
         """
         choice = self._row_of(part, statement)
-        row = row_by_numbers(choice.row, self.table, statement.numbers, statement.first("stiffness"))
+        row = row_by_numbers(
+            choice.row, self.table, statement.numbers, statement.first("stiffness")
+        )
         choice = replace(choice, row=row)
         if statement.override:
             choice = replace(choice, why=f"override: {statement.override!r}", settled=True)

@@ -60,7 +60,9 @@ def lex(text: str, lexicon: ReaderLexicon, names: Sequence[str]) -> Lexed:
     rows = [x for x in rows if x.words in lexicon.rows]
     own = [m.span() for name in names for m in re.finditer(re.escape(name), text)]
     for m in ignored:
-        if not any(a < m.end() and m.start() < b for a, b in own) and not any(x.start <= m.start() and m.end() <= x.end and x.text != m[0] for x in rows):
+        if not any(a < m.end() and m.start() < b for a, b in own) and not any(
+            x.start <= m.start() and m.end() <= x.end and x.text != m[0] for x in rows
+        ):
             text = text[: m.start()] + " " * len(m[0]) + text[m.end() :]
     text = re.sub(r"\(\s*\)", lambda m: " " * len(m[0]), text)  # "modulus (ISO 527) 2000 MPa"
     text, loads = without_loads(text)
