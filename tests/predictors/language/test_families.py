@@ -86,7 +86,11 @@ def test_a_table_is_read_by_its_header(agree):
 
 
 def test_numbers_of_a_table_have_the_unit_of_their_column(clauses_of):
-    for head in ("name,E_GPa,nu,rho_kgm3", "part,E [GPa],poisson,density [kg/m3]", "Name,E (GPa),nu,rho (kg/m3)"):
+    for head in (
+        "name,E_GPa,nu,rho_kgm3",
+        "part,E [GPa],poisson,density [kg/m3]",
+        "Name,E (GPa),nu,rho (kg/m3)",
+    ):
         (said,) = clauses_of(f"{head}\nlid,70,0.33,2700\nhub,210,0.3,7850", ["lid", "hub"])["lid"]
         found = {number.measure: number.value for number in said.numbers}
         assert found == {"E": 70e9, "nu": 0.33, "rho": 2700.0}, head
