@@ -35,6 +35,7 @@ from .options import (
     SimulateOptions,
     command_line,
     pairs,
+    region_texts,
     with_given,
 )
 from .simulation.simulate import simulate
@@ -226,6 +227,7 @@ def assign(
         usual=called.usual_materials(),
         up=sidecar.up,
         appearance=seen and partial(appearance_of, seen, voxels, encoder=options.encoder),
+        regions=region_texts(options),
     )
     found = said.filled(found)
     if len(found.choices) > len(mesh.region_names):
@@ -247,6 +249,7 @@ def assign(
         built=built,
         sampling=sampled,
         sidecar=sidecar,
+        regions=found.regions,
         warnings=(*warnings, *doubts, *filter(None, apparent), *unmatched),
         doubts=tuple(line for line in doubts if severity_of(line) != "note"),
     )
@@ -260,12 +263,13 @@ def _read(
     text: str, mesh: TetMesh, sidecar: Sidecar, options: AssignOptions
 ) -> tuple[Bound, MaterialTable]:
     """What a text says of the regions of a mesh, read here, once; and the materials it may name."""
+    from ..predictors.text.opinion import with_second_opinion
     from ..predictors.text.reader import read_sentence
 
     table = with_own_rows(options.table) if options.table else load_table()
     labels = sidecar.labels_of(mesh.region_names)
     if not options.interpreter:
-        return read_sentence(text, labels, table), table
+        return with_second_opinion(read_sentence(text, labels, table), labels, table), table
     from ..predictors.text.clauses import bind
     from ..predictors.text.interpreter import ChatEndpoint, interpret
 
