@@ -95,7 +95,7 @@ def select(mesh: TetMesh, words: str, *, surface: bool = False) -> Selection:
         away = np.maximum(np.linalg.norm(x - ball[0], axis=1) - ball[1], 0.0)
     ids = used[away[used] <= touch]
     # A place is convex: a face whose corners are in it is in it as a whole, others are cut
-    parts = np.isin(faces, ids).all(axis=1)[:, None] * WHOLE
+    parts = np.outer(np.all(np.isin(faces, ids), axis=1), WHOLE)
     if surface and ((planes or ball) and (cut := np.flatnonzero(parts.sum(axis=1) == 0)).size):
         corners = x[faces[cut]]
         inside = _in_planes(corners, planes, touch) if ball is None else _in_ball(corners, *ball)

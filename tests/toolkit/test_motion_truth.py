@@ -75,6 +75,13 @@ def test_a_cube_rebounds_as_by_fine_steps_or_in_doubt():
         assert outcome in ("doubtful", "not made")
 
 
+def test_what_falls_past_all_obstacles_is_told():
+    """Upwards it meets no ground: nothing of an impact is known, and that is no pass."""
+    mesh = matter(box_mesh((0.1, 0.1, 0.1), (1, 1, 1)), 1e6, 1000.0)
+    contact = check(simulate(mesh, scenario="drop", gravity_dir=(0, 0, 1)), "contact")
+    assert (contact.outcome, "no obstacle" in contact.sentence) == ("not made", True)
+
+
 def test_supports_carry_what_the_momentum_lacks():
     """A bar let go at its clamp: R - m g is what its momentum changes by, step by step.
 

@@ -441,11 +441,14 @@ class MotionSimulation(Simulation):
         )
 
         energy = keeps_energy(self.motion, self.scene)
+        falls = bool(self.scene.obstacles) and not self.scene.held.fixed.any()
         if self.motion.particles is not None:
             run, wanted = self.motion.particles, self.scenario in ("tear", "fall")
-            met = [contact_forces(self.motion, ())] if self.motion.obstacle_forces.any() else []
+            met = [contact_forces(self.motion, (), falls=falls)]
+            met = met if falls or self.motion.obstacle_forces.any() else []
             return [in_the_grid(run), *met, *energy, *breakage(run, wanted=wanted)]
-        met = (no_penetration(self.motion), contact_forces(self.motion, self._piece_names))
+        forces = contact_forces(self.motion, self._piece_names, falls=falls)
+        met = (no_penetration(self.motion), forces)
         suits = [locking(self.motion)] if self.motion.order else []
         return [*met, *energy, *suits, *follows(self.motion)]
 
