@@ -9,7 +9,7 @@ from collections.abc import Callable
 from importlib import import_module
 from typing import Any, Literal
 
-# How much a note matters: it tells how a thing was read; something may be otherwise than taken; what
+# How much a note matters: it tells how a thing was read; a thing may be otherwise than taken; what
 # was said is not used.
 Severity = Literal["note", "doubt", "error"]
 
@@ -57,7 +57,9 @@ class Note(str):
     def severity(self) -> Severity:
         """How much it matters: that of what it ``said`` of something, else by its kind."""
         said = self.values.get("said")
-        return said.severity if isinstance(said, Note) else _told(f"severity.{self.kind}") or "doubt"
+        return (
+            said.severity if isinstance(said, Note) else _told(f"severity.{self.kind}") or "doubt"
+        )
 
 
 def severity_of(line: str) -> Severity:

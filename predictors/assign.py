@@ -52,15 +52,13 @@ def predict_materials(
     """
     if both := {key(name) for name in overrides or {}} & {key(name) for name in materials or {}}:
         raise UsageError("assign.part_both", both=min(both))
-    if isinstance(predictor, str):  # a table that is the user's own is its table too
-        kind = PREDICTORS[predictor]
-        if samples < 0:
-            raise UsageError("assign.samples_wanted", samples=samples)
-        if samples and not kind.takes_samples:
+    if samples < 0:
+        raise UsageError("assign.samples_wanted", samples=samples)
+    if isinstance(predictor, str) and (samples or predictor not in PREDICTORS):
+        if not PREDICTORS[predictor].takes_samples:
             able = " or ".join(name for name in PREDICTORS if PREDICTORS[name].takes_samples)
             raise UsageError("assign.samples_finds", predictor=predictor, able=able)
-        options = {"table": table, "samples": samples}
-        predictor = kind(**{name: value for name, value in options.items() if value})
+    given = {"table": table, "samples": samples}  # a table that is the user's own is its table too
     table = table or load_table()
     settled = lookup_of(table).settle(
         parts.part_labels, bound, overrides=overrides, materials=materials, values=values,
@@ -78,6 +76,9 @@ def predict_materials(
     if not left_open:
         made = Prediction.of(parts, choices, bound.sentence, alpha=alpha)
         return replace(made, warnings=settled.warnings)
+    if isinstance(predictor, str):  # loaded where words leave something open, and not before
+        kind = PREDICTORS[predictor]
+        predictor = kind(**{name: value for name, value in given.items() if value})
     if alpha is not None and not predictor.takes_alpha:
         able = " or ".join(name for name in PREDICTORS if PREDICTORS[name].takes_alpha)
         raise UsageError("assign.alpha_moves", part=choices[left_open[0]].part, able=able)

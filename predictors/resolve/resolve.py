@@ -586,7 +586,9 @@ class Decider:
         ``volume`` [m^3] is that of all parts of which the same is said.
         """
         choice = self._row_of(part, statement)
-        row = row_by_numbers(choice.row, self.table, statement.numbers, statement.first("stiffness"))
+        row = row_by_numbers(
+            choice.row, self.table, statement.numbers, statement.first("stiffness")
+        )
         bulk, heaped = load_bulks().get(row.name), []
         # A body far thicker than a leaf is of many: within a leaf's depth lies less than half of it
         if bulk and within and within(bulk.piece) < 0.5:

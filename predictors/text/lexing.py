@@ -55,7 +55,9 @@ def lex(text: str, lexicon: ReaderLexicon, names: Sequence[str]) -> Lexed:
     rows = [x for x in rows if x.words in lexicon.rows]
     own = [m.span() for name in names for m in re.finditer(re.escape(name), text)]
     for m in ignored:
-        if not any(a < m.end() and m.start() < b for a, b in own) and not any(x.start <= m.start() and m.end() <= x.end and x.text != m[0] for x in rows):
+        if not any(a < m.end() and m.start() < b for a, b in own) and not any(
+            x.start <= m.start() and m.end() <= x.end and x.text != m[0] for x in rows
+        ):
             text = text[: m.start()] + " " * len(m[0]) + text[m.end() :]
     text = re.sub(r"\(\s*\)", lambda m: " " * len(m[0]), text)  # "modulus (ISO 527) 2000 MPa"
     text, loads = without_loads(text)
@@ -423,7 +425,18 @@ def one_of(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
 
 
 # Roles of what may stand beside a name in brackets: "(Ti-6Al-4V, ASTM F136)".
-_CALLING = ("material", "word", "digits", "sign", "comma", "told", "size", "hyphen", "empty", "idle")
+_CALLING = (
+    "material",
+    "word",
+    "digits",
+    "sign",
+    "comma",
+    "told",
+    "size",
+    "hyphen",
+    "empty",
+    "idle",
+)
 
 
 def same_again(lexemes: Sequence[Lexeme], lexicon: ReaderLexicon) -> list[Lexeme]:

@@ -89,7 +89,8 @@ _SPREAD = (
 )
 _BOUND = DATA["units"]["bound"]
 _LINK = (
-    r"\s*(?:\((?:ISO|DIN|EN|ASTM)[^()]*\)\s*)?(?:(?:of|de|von|is|was|are|=|:|~|≈|about|around|approx\.?|approximately|roughly|ca\.?|at|to|taken as|measured|nominal|mean|,mean"
+    r"\s*(?:\((?:ISO|DIN|EN|ASTM)[^()]*\)\s*)?(?:(?:of|de|von|is|was|are|=|:|~|≈|about|around"
+    r"|approx\.?|approximately|roughly|ca\.?|at|to|taken as|measured|nominal|mean|,mean"
     r"|(?:as )?per (?:the )?(?:data ?sheet|supplier|test|drawing)"
     r"|just|only|exactly|nearly|almost|some|in the range of|(?i:" + _BOUND + r"))\s*)*"
 )

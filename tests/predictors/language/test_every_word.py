@@ -28,7 +28,10 @@ def _lost(text, names, table):
     if any("a language that is not read" in note for note in sentence.notes):
         return []
     told = " ".join(
-        map(str, [*sentence.unread, *sentence.notes, *(d for c in sentence.clauses for d in c.doubts)])
+        map(
+            str,
+            [*sentence.unread, *sentence.notes, *(d for c in sentence.clauses for d in c.doubts)],
+        )
     ).lower()
     read = rewritten(sentence.text)  # a table has become sentences
     read = re.sub(r"\w+n['’]t", lambda m: " " * len(m[0]), read)
