@@ -227,7 +227,7 @@ def _special(text: str) -> Iterator[Numeral]:
         yield Numeral(*match.span(), blend, note)
     for match in _FOAM_CODE.finditer(text):
         said = Quantity("rho", float(match["rho"]), match["code"])
-        yield Numeral(*match.span("code"), said)
+        yield Numeral(match.start("code"), match.end("code"), said)
     for match in _SHORE_OTHER.finditer(text):
         yield Numeral(*match.span(), None, Note("numerals.only_shore", match=match[0]))
     for match in _SHORE.finditer(text):
