@@ -869,11 +869,11 @@ def clause_of(text: str, draft: Draft, lexicon: ReaderLexicon) -> Clause:
     # Beside a matter by its own name a code, a brand or a treatment changes nothing; not so where
     # that name was mended, or is a family's with the word before it: "brondium alloy"
     mended = any(getattr(x.note, "kind", "") == "lexing.spelt" for x in draft.lexemes)
-    plain = draft.material and not (draft.kind or mended)
-    head = draft.phrase if plain and not draft.material.grade and " " not in draft.phrase else ""
+    row = None if draft.kind or mended else draft.material
+    head = draft.phrase if row and not row.grade and " " not in draft.phrase else ""
     idle = [
         word for word in left
-        if plain and not lexicon.rows.get(lexicon.phrase(word))
+        if row and not lexicon.rows.get(lexicon.phrase(word))
         and not (head and word.isalpha() and re.search(rf"{word}[ -]{re.escape(head)}", text))
         and word not in words()["states"]["words"] and not lexicon.model.is_noun(word.lower())
     ]  # fmt: skip

