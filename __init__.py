@@ -22,6 +22,7 @@ _HOME = {
     "transfer": "toolkit.transfer",
     "export": "toolkit.transfer",
     "features": "toolkit.features",
+    "segment": "toolkit.segment",
     "batch": "toolkit.batch",
     "train": "research.learning",
     "evaluate": "research.learning",

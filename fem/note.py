@@ -9,8 +9,8 @@ from collections.abc import Callable
 from importlib import import_module
 from typing import Any, Literal
 
-# How much a note matters: it tells how a thing was read; something may be otherwise than taken;
-# what was said is not used.
+# How much a note matters: it tells how a thing was read; a thing may be otherwise than taken; what
+# was said is not used.
 Severity = Literal["note", "doubt", "error"]
 
 # Module and function that know the sentence of a kind: none, where these elements are used alone.

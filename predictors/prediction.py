@@ -131,6 +131,16 @@ class PartChoice:
         return f"{self.network} network" if self.network else self.row.source
 
 
+class Numbered(NamedTuple):
+    """Regions of like look: the number of every cell (nx, ny, nz), from 1, the largest first.
+
+    0 is outside; ``colours`` (regions, 3) are their means, sRGB in [0, 1].
+    """
+
+    number: np.ndarray
+    colours: np.ndarray
+
+
 @dataclass(frozen=True, eq=False)
 class Prediction:
     """The material of every part, and of every cell.
@@ -141,6 +151,7 @@ class Prediction:
     choices: The material of each of ``parts``.
     unbound: Clauses that say something of parts and were found to speak of none.
     warnings: What of the words was not understood, or not taken as it stands.
+    regions: Those that the parts were cut into, where they were.
     """
 
     parts: PartVoxels
@@ -149,6 +160,7 @@ class Prediction:
     choices: tuple[PartChoice, ...]
     unbound: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
+    regions: Numbered | None = None
 
     @classmethod
     def of(
@@ -204,10 +216,10 @@ class Prediction:
             yield Note("prediction.nothing_names", **values)
         pieces_of = Counter(self.parents)
         for parent in sorted(i for i, count in pieces_of.items() if count > 1):
-            pieces = [self.parts.part_names[i] for i, p in enumerate(self.parents) if p == parent]
-            yield Note(
-                "prediction.part_asset", pieces=", ".join(map(repr, pieces)), divided=DIVIDED
-            )
+            of = [i for i, p in enumerate(self.parents) if p == parent]
+            names = ", ".join(repr(self.parts.part_names[i]) for i in of)
+            own = [b.certainty for i in of if (b := self.choices[i].binding) and b.certainty]
+            yield Note("prediction.part_asset", pieces=names, divided=own[0] if own else DIVIDED)
         known = all(c.clause and not (c.borrowed or c.guessed or c.binding) for c in self.choices)
         for clause in self.unbound:
             yield Note("prediction.part_idle" if known else "prediction.part_found", clause=clause)

@@ -292,8 +292,9 @@ def appearance_of(asset: Asset, voxels: PartVoxels, *, encoder: str | None = Non
     occupied = voxels.occupied
     cells = voxels.grid.centers()[occupied]
     looks = np.zeros((*occupied.shape, LOOK), dtype=np.float32)
-    looks[occupied] = cell_appearance(asset, cells)
-    seen = Appearance(looks[..., :3], finish=looks[..., 3:])
+    shell = np.full(occupied.shape, -1)
+    looks[occupied], shell[occupied] = cell_appearance(asset, cells)
+    seen = Appearance(looks[..., :3], finish=looks[..., 3:], shell=shell)
     if encoder is None:
         return seen
     from scipy.spatial import KDTree

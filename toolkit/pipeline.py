@@ -35,6 +35,7 @@ from .options import (
     SimulateOptions,
     command_line,
     pairs,
+    region_texts,
     with_given,
 )
 from .simulation.simulate import simulate
@@ -226,6 +227,7 @@ def assign(
         usual=called.usual_materials(),
         up=sidecar.up,
         appearance=seen and partial(appearance_of, seen, voxels, encoder=options.encoder),
+        regions=region_texts(options),
     )
     found = said.filled(found)
     if len(found.choices) > len(mesh.region_names):
@@ -247,6 +249,7 @@ def assign(
         built=built,
         sampling=sampled,
         sidecar=sidecar,
+        regions=found.regions,
         warnings=(*warnings, *doubts, *filter(None, apparent), *unmatched),
         doubts=tuple(line for line in doubts if severity_of(line) != "note"),
     )

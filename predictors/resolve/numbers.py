@@ -17,7 +17,6 @@ from ...fem.table import (
     MaterialTable,
     MaterialValue,
     Span,
-    key,
     material_of_values,
 )
 from ..prediction import PartChoice
@@ -254,10 +253,10 @@ def row_by_numbers(
     light = said.get("rho", math.inf) < row.rho.min / BESIDE or (stiffness or 0) > 3
     if row.name in FOAMED and "rho" in said and light:
         return table.exact(FOAMED[row.name][-1 if (stiffness or 0) > 3 else 0])
-    degree = round(said.get("shore_a", 0.0), -1)
-    graded = f"{row.name.split()[0]} Shore A{degree:.0f}"
-    if row.name.startswith("silicone rubber") and key(graded) in table.phrases:
-        return table.exact(graded)
+    if row.name.startswith("silicone rubber") and "shore_a" in said:
+        grades = (other for other in table if other.name.startswith("silicone Shore A"))
+        degree = f"A{round(said['shore_a'], -1):.0f}"
+        return next((grade for grade in grades if grade.name.endswith(degree)), row)
     return row
 
 

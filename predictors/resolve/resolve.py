@@ -27,6 +27,7 @@ from ...fem.table import (
     MaterialValue,
     Span,
     key,
+    load_bulks,
     load_contents,
     load_table,
 )
@@ -588,6 +589,11 @@ class Decider:
         row = row_by_numbers(
             choice.row, self.table, statement.numbers, statement.first("stiffness")
         )
+        bulk, heaped = load_bulks().get(row.name), []
+        # A body far thicker than a leaf is of many: within a leaf's depth lies less than half of it
+        if bulk and within and within(bulk.piece) < 0.5:
+            heaped = [Note("resolve.bulk", name=row.name, piece=1e3 * bulk.piece, bulk=bulk.name)]
+            row = self.table.exact(bulk.name)
         choice = replace(choice, row=row)
         if statement.override:
             choice = replace(choice, why=f"override: {statement.override!r}", settled=True)
@@ -618,7 +624,7 @@ class Decider:
             blend=statement.first("blend"), volume=volume, within=within,
             named=statement.naming is not None,
         )  # fmt: skip
-        derivation = (*swims, *derivation)
+        derivation = (*heaped, *swims, *derivation)
         choice = replace(choice, value=value, derivation=derivation, exact=exact)
         if derivation and not statement.open:
             choice = replace(choice, settled=True)

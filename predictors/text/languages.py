@@ -168,6 +168,8 @@ def glossed(cut: list[Atom], lexicon: ReaderLexicon, known: Collection[str]) -> 
             Atom(word, int(start), int(end), lexicon.model.singular(word.lower()))
             for word, start, end in zip(english_words, ends, ends[1:], strict=False)
         ]
+        if found[1] == "parts":  # "Stahlklinge" of a part "klinge"
+            new[-1] = new[-1]._replace(stem=alike.get(new[-1].text, new[-1].stem))
         # "roue avant gauche": the places stand before the part in English
         if last == "parts" and not best.links and len(new) == 1 and new[0].stem in places():
             part = out.pop()

@@ -89,9 +89,8 @@ _SPREAD = (
 )
 _BOUND = DATA["units"]["bound"]
 _LINK = (
-    r"\s*(?:\((?:ISO|DIN|EN|ASTM)[^()]*\)\s*)?"
-    r"(?:(?:of|de|von|is|was|are|=|:|~|≈|about|around|approx\.?|approximately"
-    r"|roughly|ca\.?|at|to|taken as|measured|nominal|mean|,mean"
+    r"\s*(?:\((?:ISO|DIN|EN|ASTM)[^()]*\)\s*)?(?:(?:of|de|von|is|was|are|=|:|~|≈|about|around"
+    r"|approx\.?|approximately|roughly|ca\.?|at|to|taken as|measured|nominal|mean|,mean"
     r"|(?:as )?per (?:the )?(?:data ?sheet|supplier|test|drawing)"
     r"|just|only|exactly|nearly|almost|some|in the range of|(?i:" + _BOUND + r"))\s*)*"
 )
@@ -228,7 +227,7 @@ def _special(text: str) -> Iterator[Numeral]:
         yield Numeral(*match.span(), blend, note)
     for match in _FOAM_CODE.finditer(text):
         said = Quantity("rho", float(match["rho"]), match["code"])
-        yield Numeral(*match.span("code"), said)
+        yield Numeral(match.start("code"), match.end("code"), said)
     for match in _SHORE_OTHER.finditer(text):
         yield Numeral(*match.span(), None, Note("numerals.only_shore", match=match[0]))
     for match in _SHORE.finditer(text):

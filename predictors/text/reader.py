@@ -73,11 +73,26 @@ def parse(text: str, table: MaterialTable, names: Sequence[str] = ()) -> Sentenc
     settle(drafts, lexed)
     unread = unread_lexemes(drafts, lexed, cascade.dropped)
     tell(unread, drafts, lexed.lexemes)
+    clauses = tuple(clause_of(text, draft, lexicon) for draft in drafts)
+    notes = dict.fromkeys([*lexed.notes, *(x.note for x in lexed.lexemes if x.note)])
+    # What is of none: "it only looks like marble"
+    told = [*notes, *(doubt for clause in clauses for doubt in clause.doubts)]
+    told = " ".join([*map(str, told), *(x.text for x in unread)]).lower()
+    states = {*words()["states"]["words"]}
+    aside = [
+        x.text for x in lexed.lexemes
+        if (x.role == "material" or not x.known or x.text.lower() in states) and not x.part
+        and not any(a <= x.start < b for a, b in (clause.span for clause in clauses))
+        and x.text.lower() not in told
+    ]  # fmt: skip
+    if aside:
+        said = ", ".join(map(repr, dict.fromkeys(aside)))
+        notes[Note("reader.aside", words=said)] = None
     return Sentence(
         text,
-        tuple(clause_of(text, draft, lexicon) for draft in drafts),
+        clauses,
         tuple(x.text for x in unread),
-        tuple(dict.fromkeys([*lexed.notes, *(x.note for x in lexed.lexemes if x.note)])),
+        tuple(notes),
         _first_phrase(lexed.lexemes, {*grammar()["signs"], "sign"} - {"word"}),
     )
 
@@ -854,11 +869,11 @@ def clause_of(text: str, draft: Draft, lexicon: ReaderLexicon) -> Clause:
     # Beside a matter by its own name a code, a brand or a treatment changes nothing; not so where
     # that name was mended, or is a family's with the word before it: "brondium alloy"
     mended = any(getattr(x.note, "kind", "") == "lexing.spelt" for x in draft.lexemes)
-    plain = draft.material and not (draft.kind or mended)
-    head = draft.phrase if plain and not draft.material.grade and " " not in draft.phrase else ""
+    row = None if draft.kind or mended else draft.material
+    head = draft.phrase if row and not row.grade and " " not in draft.phrase else ""
     idle = [
         word for word in left
-        if plain and not lexicon.rows.get(lexicon.phrase(word))
+        if row and not lexicon.rows.get(lexicon.phrase(word))
         and not (head and word.isalpha() and re.search(rf"{word}[ -]{re.escape(head)}", text))
         and word not in words()["states"]["words"] and not lexicon.model.is_noun(word.lower())
     ]  # fmt: skip

@@ -147,6 +147,19 @@ def test_a_cantilever_of_particles_bends_as_the_elements_do():
     assert found.displacement[end, 2].mean() == pytest.approx(tets, rel=0.05)
 
 
+def test_a_torque_turns_particles_as_it_does_elements():
+    """They lie within the surface that it acts on, and have its moment all the same: 3 %."""
+    mesh = matter(box_mesh((0.3, 0.1, 0.1), (12, 4, 4)), 1e5, 1000.0)
+    end = mesh.points[:, 0] == mesh.points[:, 0].max()
+    arms = mesh.points[end] - [0.3, 0.05, 0.05]
+    known = {"fix": ("plane:x<0",), "gravity": 0, "torque": {"plane:x>0.3": (0.01, 0, 0)}}
+    turned, wanted = (
+        np.cross(arms, simulate(mesh, **known, **given).displacement[end])[:, 0].mean()
+        for given in ({"solver": "mpm", "grid": 12, "damping": 30.0}, {})
+    )
+    assert turned == pytest.approx(wanted, rel=0.03)
+
+
 def test_a_sheet_thinner_than_a_cell_is_held_and_stays():
     """A millimetre on a grid of 19: as many particles as cubes that it meets, none leaves."""
     mesh = matter(box_mesh((0.3, 0.2, 0.001), (6, 4, 1)), 1e6, 1000.0)

@@ -108,6 +108,8 @@ def load_asset(
         if np.ptp(surface.mesh.vertices[surface.mesh.faces], axis=(0, 1)).max() > 0:
             surfaces.append(surface)
     if not content.surfaces:
+        if warnings:  # what a parser left out is the reason
+            raise InputError("load.nothing_left", path=path, why="; ".join(warnings))
         raise InputError(f"{path}: holds no triangle: wanted a surface mesh")
     if not surfaces:
         raise InputError(f"{path}: all {len(content.surfaces)} surfaces shrink to one point")

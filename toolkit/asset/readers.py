@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -39,13 +40,15 @@ def read_off(path: Path, data: bytes, references: References) -> AssetContent:
     vertices, faces = (int(n) for n in words[0][:2])
     if vertices + faces > len(words) - 1 and not (kind and kind[0] != "OFF"):
         # Not a line each: plain points and polygons one after the other
-        flat = iter([word for line in words for word in line][3:])
-        words = [words[0], *([next(flat) for _ in range(3)] for _ in range(vertices))]
-        for _ in range(faces):
-            count = next(flat)
-            words.append([count, *(next(flat) for _ in range(int(count)))])
+        flat = [word for line in words for word in line][3:]
+        words = [words[0], *(flat[3 * i : 3 * i + 3] for i in range(min(vertices, len(flat) // 3)))]
+        at = 3 * vertices
+        while at < len(flat) and len(words) <= vertices + faces:
+            end = at + 1 + int(flat[at])
+            words.append(flat[at:end])
+            at = end
     if vertices + faces > len(words) - 1:
-        raise ValueError(f"announces {vertices} vertices and {faces} faces, has fewer lines")
+        raise InputError("readers.off_cut", path=path, vertices=vertices, faces=faces)
     points = np.array([[float(x) for x in w[:3]] for w in words[1 : vertices + 1]])
     polygons = words[vertices + 1 : vertices + faces + 1]
     if any(int(w[0]) >= len(w) for w in polygons):
@@ -69,6 +72,7 @@ _VERTEX = re.compile(rb"\bvertex\s+(\S+)\s+(\S+)\s+(\S+)", re.IGNORECASE)
 _SOLID = re.compile(rb"^[ \t]*(end)?solid\b[ \t]*([^\r\n]*)", re.IGNORECASE | re.MULTILINE)
 _UNIT = re.compile(rb"\bunits?\s*[=:]\s*(mm|cm|m|in(?:ch)?)\b", re.IGNORECASE)
 STL_HEADER, STL_TRIANGLE = 84, 50  # bytes
+BOM = b"\xef\xbb\xbf"  # of UTF-8, which editors put before a text
 STL_METRES = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254, "inch": 0.0254}
 
 
@@ -77,11 +81,14 @@ def read_stl(path: Path, data: bytes, references: References) -> AssetContent:
 
     Raises InputError: Where the file is cut short.
     """
+    data = data.removeprefix(BOM)
     unit = _UNIT.search(data[:256])
     metres = STL_METRES[unit[1].decode().lower()] if unit else None
     found: list[tuple[str, np.ndarray]] = []
     warnings = []
-    if data.lstrip()[:5].lower() == b"solid" and _FACET.search(data[:4096]):
+    announced = int.from_bytes(data[80:STL_HEADER], "little")
+    binary = len(data) == STL_HEADER + STL_TRIANGLE * announced  # whatever the header says
+    if not binary and data.lstrip()[:5].lower() == b"solid" and _FACET.search(data[:4096]):
         marks = [(m.start(), m[1] is None, m[2].decode("utf-8", "replace").strip())
                  for m in _SOLID.finditer(data)]  # fmt: skip
         begins = [(at, name) for at, begin, name in marks if begin]
@@ -97,25 +104,25 @@ def read_stl(path: Path, data: bytes, references: References) -> AssetContent:
                 raise InputError("readers.stl_cut", path=path, count=len(found[-1][1]) // 3)
             warnings.append(Note("readers.stl_end"))
     elif len(data) >= STL_HEADER:
-        announced = int(np.frombuffer(data, "<u4", 1, 80)[0])
-        there, _rest = divmod(len(data) - STL_HEADER, STL_TRIANGLE)
-        count = there if announced == 0 else announced
-        if count > there:
+        there, rest = divmod(len(data) - STL_HEADER, STL_TRIANGLE)
+        if announced > there:
             raise InputError("readers.stl_announced", path=path, announced=announced, there=there)
-        if announced == 0 and there:
-            warnings.append(Note("readers.stl_count", there=there))
+        # A count that was never filled in, or that of an earlier state, before whole triangles
+        count = there if announced == 0 or rest == 0 else announced
+        if announced < count:
+            warnings.append(Note("readers.stl_count", announced=announced, there=there))
         if left := len(data) - STL_HEADER - STL_TRIANGLE * count:
             warnings.append(Note("readers.stl_tail", left=left))
         row = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("more", "<u2")])
         rows = np.frombuffer(data, row, count, STL_HEADER)
         found.append(("", rows["corners"].reshape(-1, 3).astype(np.float64)))
-    surfaces = [
-        NamedSurface(
-            PlainMesh(c, np.arange(len(c)).reshape(-1, 3)), (name,) if len(found) > 1 else ()
-        )
-        for name, c in found
-        if len(c)
-    ]
+    surfaces, names = [], Counter[str]()
+    for name, corners in found:
+        if len(corners):
+            own = f"{name}.{names[name]}" if names[name] else name
+            names[name] += 1
+            mesh = PlainMesh(corners, np.arange(len(corners)).reshape(-1, 3))
+            surfaces.append(NamedSurface(mesh, (own, name) if len(found) > 1 else ()))
     return AssetContent(surfaces, metres=metres, warnings=tuple(warnings))
 
 
@@ -169,7 +176,7 @@ CARRIER = Format("splats, cloud or density grid", (*_SPLATS, *_GRIDS, *_CLOUDS),
 
 def read_ply_surface(path: Path, data: bytes, references: References) -> AssetContent:
     """Read polygons as fans, strips as triangles; of a file without both its points."""
-    ply = parse_ply(data)
+    ply = parse_ply(data, surface=True)
     table = ply_points(ply)
     if table.is_splat:
         return points_content(table, references.pruning)

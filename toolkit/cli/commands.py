@@ -366,6 +366,28 @@ class BatchCommand:
 
 
 @dataclass(frozen=True)
+class SegmentCommand:
+    """Cut a thing in one piece into regions of like look and shell, as parts with names.
+
+    Example: autophyx-tet segment scan.glb -o parts.glb
+    """
+
+    asset: tyro.conf.Positional[Annotated[Path, tyro.conf.arg(metavar="ASSET")]]
+    """Surface (obj, ply, stl, glb ...), Gaussian splats, point cloud or density grid."""
+    output: Output
+    """File to write: .glb with a part a region, which `convert` and `run` take."""
+    common: Flat[Common] = field(default_factory=Common)
+
+    shown = staticmethod(terminal.segmented)
+
+    def __call__(self) -> dict[str, Any]:
+        """Run the command and return its document."""
+        from ..segment import segment
+
+        return segment(**given(self)).document()
+
+
+@dataclass(frozen=True)
 class FeaturesCommand:
     """See an asset from all sides and lift what an encoder sees onto its voxels.
 

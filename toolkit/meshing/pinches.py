@@ -84,8 +84,7 @@ def _rims(tets: Tets, vertex: int) -> list[list[int]] | None:
 class _Way(NamedTuple):
     """New ``points`` and ``tets`` for those that are ``gone``; each is of or beside an ``origin``.
 
-    ``worst`` says how near to 0 or 180 [degrees] a dihedral angle of theirs is, ``before`` of
-    others.
+    ``worst`` is how near to 0 or 180 [degrees] a dihedral angle of theirs is, ``before`` of others.
     """
 
     points: np.ndarray

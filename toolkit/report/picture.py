@@ -217,11 +217,15 @@ INK, FAINT = (34, 38, 42), (112, 118, 124)
 
 @dataclass(frozen=True, eq=False)
 class Panel:
-    """One picture beside others: a surface, or one per frame, with a title and a colour scale."""
+    """One picture beside others: a surface, or one per frame, with a title and a colour scale.
+
+    ``marks`` are words at points [m], drawn over it.
+    """
 
     frames: tuple[ColouredSurface, ...]
     title: str = ""
     scale: Scale | None = None
+    marks: tuple[tuple[str, Float[np.ndarray, "3"]], ...] = ()
 
 
 def asset_panel(asset: Asset, *, title: str = "") -> Panel:
@@ -442,12 +446,17 @@ def render_png(
     InputError
         Where there is no panel, or the file cannot be written.
     """
-    camera, ground = _view(panels, up, pixels)
-    shots = [trace(p.frames[0], camera, up=up, ground=ground, samples=samples) for p in panels]
     path = Path(path)
     with writing(path) as target:
-        _sheet(panels, shots).save(target, format="PNG", optimize=True)
+        _traced(panels, up, pixels, samples).save(target, format="PNG", optimize=True)
     return path
+
+
+def _traced(panels: Sequence[Panel], up: UpAxis, pixels: int, samples: int) -> Image:
+    """The first frame of panels side by side, with their marks."""
+    camera, ground = _view(panels, up, pixels)
+    shots = [trace(p.frames[0], camera, up=up, ground=ground, samples=samples) for p in panels]
+    return _sheet(panels, shots, camera)
 
 
 def render_animation(
@@ -527,7 +536,9 @@ def _view(panels: Sequence[Panel], up: UpAxis, pixels: int) -> tuple[Camera, flo
     return camera, float(min(axis @ lo, axis @ hi))
 
 
-def _sheet(panels: Sequence[Panel], shots: Sequence[np.ndarray]) -> Image:
+def _sheet(
+    panels: Sequence[Panel], shots: Sequence[np.ndarray], camera: Camera | None = None
+) -> Image:
     """Put the traced pictures side by side, each below its title and above its scale."""
     from PIL import Image, ImageDraw, ImageFont
 
@@ -542,6 +553,11 @@ def _sheet(panels: Sequence[Panel], shots: Sequence[np.ndarray]) -> Image:
         pixels = (255 * shot + 0.5).astype(np.uint8)
         sheet.paste(Image.fromarray(pixels), (i * side, top))
         draw.text((i * side + side / 2, 1.6 * size), panel.title, INK, font=title, anchor="mm")
+        for words, point in panel.marks:
+            assert camera is not None
+            x, y, _ = camera.project(np.asarray(point)[None])[0]
+            draw.text((i * side + x, top + y), words, INK, font=title, anchor="mm",
+                      stroke_width=2, stroke_fill="white")  # fmt: skip
         if scale := panel.scale:
             # A colour bar, its ends in words and its label between them
             x, y, width = i * side + side // 8, top + side, 3 * side // 4
@@ -557,6 +573,39 @@ def _sheet(panels: Sequence[Panel], shots: Sequence[np.ndarray]) -> Image:
     return sheet
 
 
+REGION_CAPTION = (
+    "Regions of like look by number: --region N=TEXT says what one is made of, as does --at X,Y,Z="
+)
+
+
+def region_png(
+    number: Int[np.ndarray, "nx ny nz"], grid: Grid, *, up: UpAxis = "z", seed: int = 4
+) -> bytes:
+    """Return a picture of numbered cells (0: none): each number in a colour, named where seen."""
+    shell = voxel_shell(number > 0, grid)
+    of_face = number[tuple(shell.cell.T)]
+    colours = np.random.default_rng(seed).uniform(0.3, 0.95, (number.max() + 1, 3))[of_face]
+    surface = ColouredSurface(shell.points, shell.faces, np.repeat(colours[:, None], 3, axis=1))
+    camera, _ = _view([Panel((surface,))], up, _SEEN)
+    middle = shell.points[shell.faces].mean(axis=1)
+    pixel = camera.project(middle)[:, :2].round().astype(int)
+    # of the faces behind one pixel the nearest is seen
+    order = np.argsort(np.linalg.norm(middle - camera.position, axis=1), kind="stable")
+    _, first = np.unique(pixel[order], axis=0, return_index=True)
+    seen = order[first]
+    marks = []
+    for k in np.unique(of_face[seen]):
+        mine = middle[seen[of_face[seen] == k]]
+        if len(mine) >= _LEAST_SEEN:
+            at = mine[np.square(mine - np.median(mine, axis=0)).sum(axis=1).argmin()]
+            marks.append((str(k), at))
+    out = BytesIO()
+    panel = Panel((surface,), marks=tuple(marks))
+    _traced([panel], up, 640, 6).save(out, format="PNG", optimize=True)
+    return out.getvalue()
+
+
+_SEEN, _LEAST_SEEN = 60, 4  # pixels a side, about a cell each; so many of a region to name it
 CAPTION = (
     "What the image encoder sees, lifted onto voxels: the first three principal components of its "
     "features as red, green and blue. Parts of one colour look alike to it."
