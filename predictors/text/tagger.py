@@ -180,6 +180,7 @@ def _decoded(
         role = int(mean[1:3].argmax()) + 1 if matter > 0.5 else int(mean.argmax())
         if matter <= 0.5 and role in (0, 1, 2):
             continue
+        end = start + (len(text[start:end].rstrip(".,;:!?")) or end - start)
         gap = text[found[-1].end : start] if found else None
         joins = gap is not None and "\n" not in gap and gap.strip() in ("", "-", "–")
         if joins and _kin(found[-1].role, ROLES[role]):

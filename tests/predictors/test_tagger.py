@@ -94,3 +94,46 @@ def test_numpy_reads_what_torch_trains(full, tmp_path):
         logits = network(Batch(torch.tensor([[*row, 0]]), torch.tensor(roles)))
     wanted = logits.softmax(-1)[0, head : head + len(text)].numpy()
     assert np.allclose(found, wanted, atol=1e-3)
+
+
+TEXT = "the legs are oak, the seat is soft foam; everything else is steel"
+
+
+def said(names: str, text: str) -> list[str]:
+    """The words that the shipped tagger finds to decide each part's material."""
+    from autophyx_tet.predictors.text.tagger import load_tagger
+
+    found = load_tagger().said(names.split(), text)
+    return [
+        " ".join(text[w.start : w.end] for w in one.words if w.role in ("matter", "number"))
+        for one in found
+    ]
+
+
+def test_the_shipped_tagger_tells_parts_what_is_said_of_them():
+    assert said("seat leg_1 leg_2 back", TEXT) == ["soft foam", "oak", "oak", "steel"]
+    assert said("pawl gear", "pawl Ck45, gear: illegible on the microfilm") == ["Ck45", ""]
+    assert said("asiento pata_1", "la pata es de roble y lo demás de cuero") == ["cuero", "roble"]
+
+
+def test_what_stands_far_away_in_a_long_text_changes_nothing():
+    """Windows: 3,000 characters of facts about nothing, before and after."""
+    facts = "It was delivered on a Monday and everybody liked it. " * 30
+    assert said("seat leg_1 leg_2 back", f"{facts}{TEXT}. {facts}") == said(
+        "seat leg_1 leg_2 back", TEXT
+    )
+
+
+def test_the_second_opinion_fills_what_the_grammar_leaves_and_keeps_the_rest():
+    from autophyx_tet.fem.table import load_table
+    from autophyx_tet.predictors.text.clauses import Bound, BoundPart
+    from autophyx_tet.predictors.text.opinion import with_second_opinion
+    from autophyx_tet.predictors.text.reader import read_sentence
+
+    labels, table = [("seat",), ("leg_1",), ("back",)], load_table()
+    whole = read_sentence(TEXT, labels, table)
+    half = Bound(whole.sentence, (BoundPart(), *whole.parts[1:]), ())
+    found = with_second_opinion(half, labels, table)
+    rows = [{found.sentence.clauses[k].material for k in part.clauses} for part in found.parts]
+    assert rows == [{table.phrases[p].name} for p in ("soft foam", "oak", "steel")]
+    assert with_second_opinion(whole, labels, table) == whole

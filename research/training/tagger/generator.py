@@ -17,7 +17,7 @@ import re
 import tomllib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache, lru_cache
+from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -65,7 +65,7 @@ class Unit:
     own: str = ""  # the matter that the part is called after: "soil"
 
 
-@lru_cache(maxsize=1)
+@cache
 def _data() -> dict[str, dict[str, Any]]:
     found: dict[str, dict[str, Any]] = {}
     for path in sorted(DATA.glob("*.toml")):
@@ -568,12 +568,13 @@ class Generator:
         if not self.chance(share):
             return word
         i = self.dice.randint(1, len(word) - 2)
+        sound, alike = self.one(_SOUNDS)
         ways: tuple[Callable[[], str], ...] = (
             lambda: word[:i] + word[i + 1 :],
             lambda: word[:i] + word[i + 1] + word[i] + word[i + 2 :],
             lambda: word[:i] + word[i] + word[i:],
             lambda: word[:i] + self.one("aeioulnrstm") + word[i + 1 :],
-            lambda: word[0] + re.sub(*self.one(_SOUNDS), word[1:], count=1),
+            lambda: word[0] + word[1:].replace(sound, alike, 1),
         )
         return self.one(ways)()
 

@@ -27,8 +27,7 @@ LONGEST = 256  # tokens of a question and a text; longer made ones are left out
 LONGEST_NAME = 40  # characters of a material's name
 POOL = 6000  # pairs that a worker sorts by length into batches
 PER_TEXT = 4  # parts that are asked about of one text, at most
-DENSE = ("attention.self.query", "attention.self.key", "attention.self.value")
-DENSE += ("attention.output.dense", "intermediate.dense", "output.dense")
+HEARD = ("attention.self.query", "attention.self.key", "attention.self.value")
 PAD, QUESTION = -2, -1  # in place of roles
 
 
@@ -97,14 +96,15 @@ class TaggerNetwork(nn.Module):
         split = (*tokens.shape, self.heads, x.shape[-1] // self.heads)
         for layer in range(self.layers):
             at = f"encoder.layer.{layer}"
-            q, k, v = (self._dense(f"{at}.{d}", x).view(split).transpose(1, 2) for d in DENSE[:3])
+            q, k, v = (self._dense(f"{at}.{d}", x).view(split).transpose(1, 2) for d in HEARD)
             mixed = functional.scaled_dot_product_attention(q, k, v, attn_mask=seen)
             mixed = mixed.transpose(1, 2).reshape(x.shape)
             x = self._norm(
-                f"{at}.attention.output.LayerNorm", x + self._dense(f"{at}.{DENSE[3]}", mixed)
+                f"{at}.attention.output.LayerNorm",
+                x + self._dense(f"{at}.attention.output.dense", mixed),
             )
-            inner = functional.gelu(self._dense(f"{at}.{DENSE[4]}", x))
-            x = self._norm(f"{at}.output.LayerNorm", x + self._dense(f"{at}.{DENSE[5]}", inner))
+            inner = functional.gelu(self._dense(f"{at}.intermediate.dense", x))
+            x = self._norm(f"{at}.output.LayerNorm", x + self._dense(f"{at}.output.dense", inner))
         return self.role(x)
 
 
