@@ -106,7 +106,7 @@ def measured(name: str, *columns: str) -> str:
 
 def gallery() -> str:
     """A picture, its command and what came out, for every thing of the gallery."""
-    from autophyx_tet.toolkit.verdict.verdict import mass_words, si
+    from autophyx_tet.toolkit.verdict.check import mass_words, si
 
     shown = []
     for row in json.loads((DATA / "gallery.json").read_text())["rows"]:

@@ -7,7 +7,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from importlib import import_module
-from typing import Any
+from typing import Any, Literal
+
+# How much a note matters: it tells how a thing was read; a thing may be otherwise than taken; what
+# was said is not used.
+Severity = Literal["note", "doubt", "error"]
 
 # Module and function that know the sentence of a kind: none, where these elements are used alone.
 _speaker: list[str] = []
@@ -39,11 +43,7 @@ class Note(str):
 
     def __new__(cls, kind: str, /, **values: Any) -> Note:
         """Make the sentence: of a kind that nobody words, the kind and its values."""
-        template: str | None = None
-        if _speaker:
-            module, function = _speaker
-            look_up: Callable[[str], str | None] = getattr(import_module(module), function)
-            template = look_up(kind)
+        template = _told(kind)
         if template is not None:
             text = template.format(**values)
         else:
@@ -52,3 +52,41 @@ class Note(str):
         made = super().__new__(cls, text)
         made.kind, made.values = kind, values
         return made
+
+    @property
+    def severity(self) -> Severity:
+        """How much it matters: that of what it ``said`` of something, else by its kind."""
+        said = self.values.get("said")
+        return (
+            said.severity if isinstance(said, Note) else _told(f"severity.{self.kind}") or "doubt"
+        )
+
+
+def severity_of(line: str) -> Severity:
+    """How much a line matters; what is no ``Note`` is a doubt.
+
+    Parameters
+    ----------
+    line
+        A note, or any sentence.
+
+    Returns
+    -------
+    str
+        "note", "doubt" or "error".
+
+    Examples
+    --------
+    >>> severity_of("nobody knows")
+    'doubt'
+    """
+    return line.severity if isinstance(line, Note) else "doubt"
+
+
+def _told(kind: str) -> Any:
+    """What is known of a kind by whoever words notes; None by nobody."""
+    if not _speaker:
+        return None
+    module, function = _speaker
+    look_up: Callable[[str], str | None] = getattr(import_module(module), function)
+    return look_up(kind)

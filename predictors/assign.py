@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import cache
+
+import numpy as np
 
 from ..fem.errors import UsageError
 from ..fem.note import Note
@@ -12,10 +15,12 @@ from .appearance.features import Appearance
 from .asset import UpAxis
 from .grid import PartVoxels
 from .partition import alike, merged
-from .prediction import PartChoice, Prediction
+from .prediction import Numbered, PartChoice, Prediction
 from .predictor import PREDICTORS, Predictor
-from .resolve.resolve import lookup_of
-from .text.clauses import Bound
+from .regions.division import Regions, cut
+from .regions.pieces import carve, divided, of_matters
+from .resolve.resolve import RetrievalPredictor, lookup_of
+from .text.clauses import Bound, BoundPart
 
 
 def predict_materials(
@@ -34,8 +39,12 @@ def predict_materials(
     up: UpAxis = "z",
     appearance: Callable[[], Appearance] | None = None,
     table: MaterialTable | None = None,
+    regions: Mapping[int | Point, str] | None = None,
 ) -> Prediction:
     """Return the material of every part; what is one thing several times is found once.
+
+    A part that is one thing for the modeller and several for the speaker is divided: into regions,
+    each given to the clause that speaks of it, or left whole where that is unsure.
 
     parts: The cells [m] of every part.
     bound: What the user says of the object, and of which part.
@@ -47,25 +56,39 @@ def predict_materials(
     up: The axis that points up.
     appearance: Gives what is seen of the cells; called only where words leave a part open.
     table: The materials, by default those of the package.
+    regions: Text for single regions, by number from 1 as the prediction numbers them, or by a
+        point [m] that is in them or nearest to them.
     Raises UsageError: Where a part, a material or the predictor is unknown, a part is stated twice,
         ``alpha`` is to move, or ``samples`` to draw, what a predictor finds that cannot do it.
     """
     if both := {key(name) for name in overrides or {}} & {key(name) for name in materials or {}}:
         raise UsageError("assign.part_both", both=min(both))
-    if isinstance(predictor, str):  # a table that is the user's own is its table too
-        kind = PREDICTORS[predictor]
-        if samples < 0:
-            raise UsageError("assign.samples_wanted", samples=samples)
-        if samples and not kind.takes_samples:
+    if samples < 0:
+        raise UsageError("assign.samples_wanted", samples=samples)
+    if isinstance(predictor, str) and (samples or predictor not in PREDICTORS):
+        if not PREDICTORS[predictor].takes_samples:
             able = " or ".join(name for name in PREDICTORS if PREDICTORS[name].takes_samples)
             raise UsageError("assign.samples_finds", predictor=predictor, able=able)
-        options = {"table": table, "samples": samples}
-        predictor = kind(**{name: value for name, value in options.items() if value})
+    options = {"table": table, "samples": samples}  # a table of the user's own is its table too
     table = table or load_table()
-    settled = lookup_of(table).settle(
-        parts.part_labels, bound, overrides=overrides, materials=materials, values=values,
-        alpha=alpha, volumes=volumes, within=within,
-    )  # fmt: skip
+    lookup = lookup_of(table)
+    seen = None if appearance is None else cache(appearance)
+    retrieves = predictor == "retrieval" or isinstance(predictor, RetrievalPredictor)
+    given, overrides = parts, dict(overrides or {})
+    parents = tuple(range(len(parts.part_names)))
+    whole: Regions | None = None
+    if regions:
+        whole = _cut(parts, seen, up)
+        cells = _chosen(parts, whole, regions)
+        overrides |= {name: text for name, (_, text) in cells.items()}
+        parts, parents = carve(parts, {name: mine for name, (mine, _) in cells.items()})
+        extra = len(parts.part_names) - len(given.part_names)
+        bound = replace(bound, parts=(*bound.parts, *[BoundPart()] * extra))
+    fixed = {"overrides": overrides, "materials": materials, "values": values, "alpha": alpha}
+    volumes = parts.volumes if whole or volumes is None else volumes
+    settled = lookup.settle(
+        parts.part_labels, bound, volumes=volumes, within=_of_parents(within, parents), **fixed
+    )
     choices = list(settled.choices)
     for i, choice in enumerate(choices):
         # The usual material of its kind where no word of text or name decided it
@@ -75,13 +98,98 @@ def predict_materials(
             value, alpha_of = row.value(choice.alpha), choice.alpha
             choices[i] = PartChoice(choice.part, row, value, 1.0, alpha_of, why, guessed=True)
     left_open = [i for i, c in enumerate(choices) if not c.settled and i in parts.part]
+    warnings, pieces = settled.warnings, None
+    # without an asset, by shape alone, the network of voxels divides better
+    several = seen is not None and len(bound.sentence.clauses) > len(given.part_names)
+    clauses = of_matters(bound.sentence) if several else []
+    if len(clauses) > len(given.part_names) and not retrieves:
+        # of the only part there is words say more than its one choice can hold
+        alone = len(given.part_names) == 1
+        stated = {key(name) for each in (overrides, materials, values) for name in each or {}}
+        among = [
+            i for i in np.unique(parts.part[parts.occupied]).tolist()
+            if (alone or i in left_open) and key(parts.part_names[i]) not in stated
+        ]  # fmt: skip
+        whole = whole or _cut(parts, seen, up)
+        if among and whole.region.any():
+            known = {"of": parents, "encoder": lookup.kernel.encoder, "table": table}
+            pieces = divided(parts, among, bound, clauses, whole, **known)
+    if pieces is not None:
+        parts, parents = pieces.parts, tuple(parents[i] for i in pieces.parents)
+        within_piece = _of_parents(within, parents)
+        again = lookup.settle(
+            parts.part_labels, pieces.bound, volumes=parts.volumes, within=within_piece, **fixed
+        )
+        choices = list(again.choices)
+        for i, binding in pieces.bindings.items():
+            why = Note("regions.why", clause=binding.clause or "")
+            choices[i] = replace(
+                choices[i], binding=binding, why=why, settled=i not in pieces.unsaid
+            )
+        warnings = tuple(dict.fromkeys((*pieces.notes, *again.warnings)))
+        left_open = [i for i in pieces.unsaid if i in parts.part]
+    numbered = None
+    if whole is not None:
+        number = np.zeros(parts.part.shape, dtype=int)
+        number[parts.occupied] = whole.region + 1
+        size = np.bincount(whole.region)
+        sums = (np.bincount(whole.region, channel) for channel in whole.looks[:, :3].T)
+        numbered = Numbered(number, np.stack([*sums], axis=1) / size[:, None])
     if not left_open:
         made = Prediction.of(parts, choices, bound.sentence, alpha=alpha)
-        return replace(made, warnings=settled.warnings)
+        return replace(made, parents=parents, warnings=warnings, regions=numbered)
+    if isinstance(predictor, str):  # loaded where words leave something open, and not before
+        kind = PREDICTORS[predictor]
+        predictor = kind(**{name: value for name, value in options.items() if value})
     if alpha is not None and not predictor.takes_alpha:
         able = " or ".join(name for name in PREDICTORS if PREDICTORS[name].takes_alpha)
         raise UsageError("assign.alpha_moves", part=choices[left_open[0]].part, able=able)
     first = alike(parts, left_open, [choice.clause for choice in choices])
-    known = {"choices": choices, "appearance": appearance, "up": up, "alpha": alpha}
+    known = {"choices": choices, "appearance": seen, "up": up, "alpha": alpha}
     found = predictor.predict(merged(parts, first), bound.sentence, **known)
-    return replace(found.for_each(parts, first), warnings=settled.warnings)
+    found = found.for_each(parts, first)
+    of_given = tuple(parents[i] for i in found.parents)
+    return replace(found, parents=of_given, warnings=warnings, regions=numbered)
+
+
+Point = tuple[float, float, float]
+
+
+def _cut(parts: PartVoxels, seen: Callable[[], Appearance] | None, up: UpAxis) -> Regions:
+    """Cut all parts into regions, none of which crosses from one part to another."""
+    regions = cut(np.argwhere(parts.occupied), seen() if seen else None, up)
+    of_cell = parts.part[parts.occupied]
+    if not np.ptp(of_cell):
+        return regions
+    apart = [
+        np.unique(of_cell * (int(region.max()) + 1) + region, return_inverse=True)[1].ravel()
+        for region in (regions.plain, regions.region)
+    ]
+    return regions._replace(plain=apart[0], region=apart[1])
+
+
+def _chosen(
+    parts: PartVoxels, regions: Regions, texts: Mapping[int | Point, str]
+) -> dict[str, tuple[np.ndarray, str]]:
+    """Cells (nx, ny, nz) and text of each region that is chosen, by name."""
+    cells, count = np.argwhere(parts.occupied), int(regions.region.max()) + 1
+    out = {}
+    for which, text in texts.items():
+        if isinstance(which, int):
+            number = which
+            if not 1 <= number <= count:
+                raise UsageError("assign.no_region", number=number, count=count)
+        else:
+            nearest = np.square(parts.grid.to_world(cells) - np.asarray(which)).sum(axis=1).argmin()
+            number = int(regions.region[nearest]) + 1
+        mine = np.zeros(parts.part.shape, dtype=bool)
+        mine[tuple(cells[regions.region == number - 1].T)] = True
+        out[f"region {number}"] = (mine, text)
+    return out
+
+
+def _of_parents(
+    within: Callable[[int, float], float] | None, parents: Sequence[int]
+) -> Callable[[int, float], float] | None:
+    """``within`` for pieces: as of the part that each is of."""
+    return within and (lambda i, depth: within(parents[i], depth))

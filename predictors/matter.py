@@ -264,8 +264,10 @@ _BINS = 1500  # at most, the fullest ones
 _WEIGHTS = np.array([50.0, 30.0, 30.0, 15.0])
 
 
-def by_look(looks: Float[np.ndarray, "n look"]) -> Int[np.ndarray, "n"]:
-    """Return the piece of every cell, from 0, none empty.
+def by_look(
+    looks: Float[np.ndarray, "n look"], *, most: int = MOST, speck: float = SPECK
+) -> Int[np.ndarray, "n"]:
+    """Return the piece of every cell, from 0, none empty; at most so many, none a ``speck``.
 
     Quick shift (Vedaldi & Soatto 2008) on a histogram of looks: each bin goes where the nearest
     denser one goes, a bin that has none within ``NEAR`` stays and is a piece.
@@ -290,8 +292,8 @@ def by_look(looks: Float[np.ndarray, "n look"]) -> Int[np.ndarray, "n"]:
         if square[at, nearest] <= NEAR**2:
             root[at] = root[nearest]
     size = np.bincount(root, count[full], minlength=len(full))
-    large = np.argsort(-size, kind="stable")[:MOST]
-    large = large[(size[large] >= SPECK * len(looks)) | (np.arange(len(large)) == 0)]
+    large = np.argsort(-size, kind="stable")[:most]
+    large = large[(size[large] >= speck * len(looks)) | (np.arange(len(large)) == 0)]
     piece = cdist(means, means[full][large], "sqeuclidean").argmin(axis=1)
     for i, at in enumerate(large):
         piece[full[root == at]] = i

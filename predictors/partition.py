@@ -99,10 +99,10 @@ def partition(
         if kept != none:
             owners[i] = int(kept)
             if others:
-                names[i] = _piece(parts.part_names[i], clauses[kept], names)
+                names[i] = piece_name(parts.part_names[i], clauses[kept], names)
         for k in others:
             label[tuple(axis[owner == k] for axis in np.nonzero(cells))] = len(names)
-            names.append(_piece(parts.part_names[i], clauses[k], names))
+            names.append(piece_name(parts.part_names[i], clauses[k], names))
             labels.append(parts.labels[i])
             parents.append(i)
             owners.append(int(k))
@@ -110,7 +110,7 @@ def partition(
     return Partition(pieces, tuple(parents), tuple(owners))
 
 
-def _piece(part: str, clause: Clause, taken: Sequence[str]) -> str:
+def piece_name(part: str, clause: Clause, taken: Sequence[str]) -> str:
     """Name of the piece of a part that a clause speaks of, unlike those that are taken."""
     spoken = clause.parts or map(stem, (clause.phrase or clause.text).split())
     name = f"{part} {' '.join(spoken)}"

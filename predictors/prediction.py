@@ -89,6 +89,12 @@ class PartChoice:
         return self.unknown is None
 
     @property
+    def by_words(self) -> bool:
+        """Whether words say how stiff or heavy it is, and its values follow them, not a name."""
+        said = self.clause if self.settled else None
+        return said is not None and bool(said.stiffness or said.density or said.comparisons)
+
+    @property
     def is_cellular(self) -> bool:
         """Whether it is cells of its row, as a print or a foam is: lighter than any such matter."""
         kinds = {getattr(line, "kind", "") for line in self.derivation}
@@ -125,6 +131,16 @@ class PartChoice:
         return f"{self.network} network" if self.network else self.row.source
 
 
+class Numbered(NamedTuple):
+    """Regions of like look: the number of every cell (nx, ny, nz), from 1, the largest first.
+
+    0 is outside; ``colours`` (regions, 3) are their means, sRGB in [0, 1].
+    """
+
+    number: np.ndarray
+    colours: np.ndarray
+
+
 @dataclass(frozen=True, eq=False)
 class Prediction:
     """The material of every part, and of every cell.
@@ -135,6 +151,7 @@ class Prediction:
     choices: The material of each of ``parts``.
     unbound: Clauses that say something of parts and were found to speak of none.
     warnings: What of the words was not understood, or not taken as it stands.
+    regions: Those that the parts were cut into, where they were.
     """
 
     parts: PartVoxels
@@ -143,6 +160,7 @@ class Prediction:
     choices: tuple[PartChoice, ...]
     unbound: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
+    regions: Numbered | None = None
 
     @classmethod
     def of(
@@ -169,6 +187,7 @@ class Prediction:
     def doubts(self) -> Iterator[str]:
         """Sentences about what was guessed rather than known."""
         yield from self.warnings
+        guesses: dict[tuple[str, str], list[str]] = {}  # what is taken -> the parts that have it
         looked_up = (c for c in self.choices if not (c.borrowed or c.binding))
         own = {id(choice.clause): choice.clause.text for choice in looked_up if choice.clause}
         for choice in self.choices:
@@ -183,17 +202,27 @@ class Prediction:
             if choice.elsewhere:
                 said = choice.clause.text if choice.clause else ""
                 yield Note("prediction.part_called", said=said, **values)
+            elif choice.understood and guess and choice.by_words:
+                said = choice.clause.text if choice.clause else ""
+                values = {"part": choice.part, "material": choice.material, "said": said}
+                yield Note("prediction.by_words", **values)
             elif choice.understood and guess:
                 taken = Note("prediction.guessed") if choice.network else "taken as"
-                yield Note("prediction.nothing_names", taken=taken, **values)
+                guesses.setdefault((taken, choice.material), []).append(choice.part)
+        for (taken, material), of in guesses.items():
+            parts = f"part{'s' * (len(of) > 1)} {', '.join(map(repr, of))}"
+            say = Note("prediction.say_text", part=of[0])
+            values = {"parts": parts, "taken": taken, "material": material, "say": say}
+            yield Note("prediction.nothing_names", **values)
         pieces_of = Counter(self.parents)
         for parent in sorted(i for i, count in pieces_of.items() if count > 1):
-            pieces = [self.parts.part_names[i] for i, p in enumerate(self.parents) if p == parent]
-            yield Note(
-                "prediction.part_asset", pieces=", ".join(map(repr, pieces)), divided=DIVIDED
-            )
+            of = [i for i, p in enumerate(self.parents) if p == parent]
+            names = ", ".join(repr(self.parts.part_names[i]) for i in of)
+            own = [b.certainty for i in of if (b := self.choices[i].binding) and b.certainty]
+            yield Note("prediction.part_asset", pieces=names, divided=own[0] if own else DIVIDED)
+        known = all(c.clause and not (c.borrowed or c.guessed or c.binding) for c in self.choices)
         for clause in self.unbound:
-            yield Note("prediction.part_found", clause=clause)
+            yield Note("prediction.part_idle" if known else "prediction.part_found", clause=clause)
 
     def for_each(self, parts: PartVoxels, first: Sequence[int]) -> Prediction:
         """Give each part the answer, and the pieces, of the ``first`` part that it is like."""

@@ -18,10 +18,11 @@ class DatasetCommand:
     """Build the training data, draw samples of it, or audit its ranges by simulation.
 
     Examples: autophyx-tet dataset build -o data; autophyx-tet dataset ranges -o data;
+    autophyx-tet dataset regions -o data;
     autophyx-tet dataset show -o samples.png; autophyx-tet dataset audit -o audit
     """
 
-    action: tyro.conf.Positional[Literal["build", "ranges", "show", "audit"]]
+    action: tyro.conf.Positional[Literal["build", "ranges", "regions", "show", "audit"]]
     """Clauses and objects, names with their ranges (for unipixie), a picture, or ranges simulated
     at both ends."""
     output: Output
@@ -55,8 +56,11 @@ class DatasetCommand:
 
     def __call__(self) -> dict[str, Any]:
         """Run the command and return its document."""
-        from .prepare import build_dataset, build_ranges, show_dataset
+        from .prepare import build_dataset, build_ranges, build_regions, show_dataset
 
+        if self.action == "regions":
+            with terminal.progress(quiet=self.common.quiet) as tell:
+                return build_regions(self.output, seed=self.seed, progress=tell)
         if self.action == "ranges":
             return build_ranges(self.output, seed=self.seed, device=self.device)
         if self.action == "show":
@@ -99,8 +103,9 @@ class TrainCommand:
     """
 
     config: tyro.conf.Positional[str]
-    """TOML file of a training run of FiLM, or a preset: cpu and unipixie-cpu take a minute;
-    kinds, of matter by looks, seconds."""
+    """TOML file of a training run of FiLM, or a preset: regions (things in one piece); cpu,
+    unipixie-cpu and regions-cpu take a minute; kinds, of matter by looks, seconds; tagger, of
+    words by parts, nine minutes of a GPU."""
     output: Output
     """Folder of the state and of the weights."""
     data: Path = Path("data")
@@ -127,7 +132,7 @@ class EvaluateCommand:
     """
 
     split: str = "procedural"
-    """procedural, validation (furniture), merged (that in one piece), or a folder of objects."""
+    """natural (sentences on things in one piece), validation, merged, procedural, or a folder."""
     predictors: tuple[str, ...] = ()
     """Rows of the table: film, film-names, film-nofeatures, unipixie, constant, table-mean ..."""
     data: Path | None = None

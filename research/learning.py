@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import time
 import tomllib
 from collections.abc import Sequence
@@ -17,7 +18,7 @@ from ..toolkit.asset.child import Progress
 from ..toolkit.asset.document import check_folder
 from .datasets import sweethome3d
 from .datasets.real import RealObject, load_real
-from .prepare import RANGES, TEXT, TRAINING, VALIDATION, furniture
+from .prepare import RANGES, REGIONS, TEXT, TRAINING, VALIDATION, furniture
 
 if TYPE_CHECKING:
     from ..predictors.encoders import Encoder
@@ -26,11 +27,14 @@ if TYPE_CHECKING:
     from .training.film.config import TrainingConfig
 
 WEIGHTS, RANGE_WEIGHTS = "film.safetensors", "unipixie.safetensors"
+REGION_WEIGHTS = "regions.safetensors"
 KINDS, KIND_WEIGHTS = "kinds", "matter.json"  # kinds of matter by looks: seconds on any processor
+TAGGER = "tagger"  # words of texts by parts: minutes on a GPU, from texts that it makes
 # AutoPhyX table 1, on a data set that is not published: beside our numbers, not among them.
 PAPER = {"AutoPhyX (OpenCLIP), its own data": (0.042, 0.051, 0.083)}
 PAPER_MASS = {"AutoPhyX, ABO-500": (0.652, 9.433, 0.901, 0.582)}
 FURNITURE = ("validation", "merged")
+NATURAL = "natural"
 _UNTIL = 10**9  # steps: time ends the run
 
 
@@ -39,7 +43,8 @@ def train(
 ) -> dict[str, Any]:
     """Train a network as a TOML file says (or a preset), or go on where it stopped.
 
-    "kinds" fits kinds of matter to looks of real objects, in seconds. Started by ``torchrun`` a
+    "kinds" fits kinds of matter to looks of real objects, in seconds; "tagger" learns from made
+    texts which words speak of which part, on a GPU where there is one. Started by ``torchrun`` a
     network trains on several GPUs.
 
     Parameters
@@ -65,6 +70,7 @@ def train(
         Where the config cannot be read or the folder not be written.
     """
     from .training.film.recipe import train_film
+    from .training.regions.recipe import PRESETS as REGION_PRESETS
     from .training.unipixie.config import PRESETS as RANGE_PRESETS
     from .training.unipixie.recipe import train_matter
 
@@ -73,6 +79,17 @@ def train(
     real = data / TRAINING
     if str(config) == KINDS:
         return _train_kinds(real, output)
+    if str(config) == TAGGER:
+        return _train_tagger(output)
+    if str(config) in REGION_PRESETS:
+        from .datasets.region_sets import RegionCorpus
+        from .training.regions.recipe import train_regions
+
+        corpus, weights = RegionCorpus.load(data / REGIONS), output / REGION_WEIGHTS
+        output.mkdir(parents=True, exist_ok=True)
+        done = train_regions(REGION_PRESETS[str(config)], corpus, resume=output, output=weights)
+        steps, history = sum(one.steps for one in done), done[-1].history
+        return {"files": [weights], "steps": steps, "history": history}
     if str(config) in RANGE_PRESETS:
         weights, ranges = output / RANGE_WEIGHTS, data / RANGES
         trained = train_matter(
@@ -99,6 +116,21 @@ def _train_kinds(real: Path, output: Path) -> dict[str, Any]:
     output.mkdir(parents=True, exist_ok=True)
     save_kinds(output / KIND_WEIGHTS, found)
     return {"files": [output / KIND_WEIGHTS], "slots": slots}
+
+
+def _train_tagger(output: Path) -> dict[str, Any]:
+    """Learn from made texts which words speak of which part."""
+    from ..predictors.encoders.minilm import packaged_weights
+    from .training.tagger.recipe import made_from, preset, train_tagger
+
+    weights = output / "tagger.safetensors"
+    options = preset()
+    materials, lexicon = made_from()
+    trained = train_tagger(
+        options, materials=materials, lexicon=lexicon, encoder=packaged_weights(),
+        output=weights, resume=output, workers=max(1, (os.cpu_count() or 2) - 1),
+    )  # fmt: skip
+    return {"files": [weights], "steps": trained.steps, "history": trained.history}
 
 
 def _config(config: Path | str) -> TrainingConfig:
@@ -138,7 +170,8 @@ def evaluate(
     Parameters
     ----------
     split
-        "procedural", or "validation" and "merged" as in ``HeldOutSet``, or a folder of examples.
+        "procedural", or "validation" and "merged" as in ``HeldOutSet``, or "natural", sentences
+        about things in one piece as ``assign`` takes them, or a folder of examples.
     predictors
         Rows of the table; those of the split by default.
     data
@@ -171,6 +204,8 @@ def evaluate(
     from .evaluation.rows import DEFAULT_ROWS
 
     data, weights, memory = map(path_of, (data, weights, memory))
+    if split == NATURAL:
+        return _evaluate_natural(objects, progress)
     if encoder and (split not in FURNITURE or data):
         raise UsageError("--encoder wants --split validation or merged, and no --data")
     if split not in ("procedural", *FURNITURE):
@@ -190,6 +225,15 @@ def evaluate(
         swing=swing, progress=progress,
     )  # fmt: skip
     return {"rows": [row.to_dict() for row in rows], "papers": {"mse": PAPER}}
+
+
+def _evaluate_natural(objects: int, progress: Progress | None) -> dict[str, Any]:
+    """Score ``assign`` on the first objects of the validation source that have a sentence."""
+    from .datasets.natural import naturals, one_pieces
+    from .evaluation.natural import evaluate_natural
+
+    known = naturals(sweethome3d.VALIDATION)
+    return evaluate_natural(known, one_pieces(known, objects), progress=progress)
 
 
 def _evaluate_folder(
@@ -222,7 +266,7 @@ def evaluate_table(
     the figures are not. ``minutes`` are each row's; by default all take the steps of the preset.
     ``weights`` are of the network that is asked as it is (S5, theta), by default the shipped one.
     """
-    from ..predictors.unipixie.inference import WEIGHTS as SHIPPED
+    from ..predictors.unipixie.predictor import WEIGHTS as SHIPPED
     from .evaluation.paper.tables import TableRun, table_of
     from .training.unipixie.config import PRESETS
 

@@ -28,6 +28,7 @@ log = logging.getLogger(__name__)
 
 TEXT, TRAINING, VALIDATION = "text.safetensors", "real.safetensors", "validation.safetensors"
 RANGES = "ranges.safetensors"
+REGIONS = "regions.npz"
 _SHOWN_CELLS = 48
 
 
@@ -91,6 +92,68 @@ def build_ranges(output: Path, *, seed: int = 0, device: str = "cpu") -> dict[st
     return {"files": [output / RANGES], "names": len(table.kind), "rows": len(table.low)}
 
 
+def build_regions(
+    output: Path,
+    *,
+    objects: int | None = None,
+    variants: int = 6,
+    procedural: int = 768,
+    seed: int = 0,
+    progress: Progress | None = None,
+) -> dict[str, Any]:
+    """Write what the region network learns from: things in one piece, and what is said of them.
+
+    Parameters
+    ----------
+    output
+        Folder to write into.
+    objects
+        How many real objects; all that have a sentence by default.
+    variants, procedural
+        How often each is recoloured, and how many objects are made up.
+    seed
+        Seed of everything random.
+    progress
+        Called with the object and the seconds so far.
+    """
+    from ..fem.table import load_table
+    from ..predictors.regions.network import kind_index
+    from .datasets import region_sets as sets_of
+    from .datasets.natural import naturals, one_pieces
+    from .datasets.parts import part_kinds
+    from .on_device import minilm
+
+    check_folder(output)
+    output.mkdir(parents=True, exist_ok=True)
+    rng, table, began = np.random.default_rng(seed), load_table(), time.monotonic()
+    sentences = naturals(sweethome3d.TRAINING)
+    pieces = dict(one_pieces(sentences, objects))
+    said: dict[str, list[sets_of.Sentence]] = {
+        name: [sets_of.Sentence(one.clauses, one.unsaid) for one in sentences if one.key == name]
+        for name in pieces
+    }
+    looks, sets = sets_of.looks_of(pieces.values()), []
+    for name, piece in pieces.items():
+        if progress:
+            progress(f"{name}, {piece.name}", time.monotonic() - began)
+        sets += [(one, False) for one in sets_of.region_sets(name, piece)]
+        for _ in range(variants):
+            shown, kinds = sets_of.recoloured(piece, looks, rng)
+            sets += [(one, True) for one in sets_of.region_sets(name, shown, kinds)]
+    rows = {row.name for kind in part_kinds().values() for row in kind.materials}
+    kind_of_row = {row: kind_index(row, row, table) for row in rows}
+    for number, made in enumerate(sets_of.procedural(procedural, looks, kind_of_row, rng)):
+        name = f"procedural {number}"
+        sets += [(one, False) for one in sets_of.region_sets(name, made.piece)]
+        said[name] = [sets_of.spoken_of(made, rng) for _ in range(3)]
+    corpus = sets_of.as_corpus(sets, said, pieces, minilm("cpu"), table)
+    corpus.save(output / REGIONS)
+    return {
+        "files": [output / REGIONS], "sets": len(corpus.thing), "sentences": len(corpus.of),
+        "real_objects": len(pieces),
+    }  # fmt: skip
+
+
 def furniture(sources: Sequence[sweethome3d.Source]) -> Iterator[tuple[RealObject, Asset]]:
     """Voxelise the objects that have a slot of known material; others are counted."""
     from ..toolkit.asset.load import load_asset
@@ -145,8 +208,7 @@ def show_dataset(output: Path, *, count: int = 6, seed: int = 0) -> dict[str, An
 
 def _draw(output: Path, labels: np.ndarray, titles: Sequence[str]) -> None:
     from ..predictors.grid import Grid
-    from ..toolkit.report.picture import Panel, render_png, voxel_shell
-    from ..toolkit.report.tracer import ColouredSurface
+    from ..toolkit.report.picture import ColouredSurface, Panel, render_png, voxel_shell
     from .datasets.shapes import EMPTY, MAX_PARTS
 
     hues = np.random.default_rng(3).uniform(0.25, 0.95, (MAX_PARTS, 3))

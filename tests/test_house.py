@@ -19,7 +19,7 @@ FLOORS = {
     ),
     "predictors": (
         "asset", "grid", "field", "encoders", "text", "appearance", "prediction", "resolve",
-        "partition", "predictor", "construction", "matter", "film", "unipixie", "assign",
+        "partition", "predictor", "construction", "matter", "regions", "film", "unipixie", "assign",
     ),
     "converters": (
         "registry", "files", "npz", "archives", "kernels", "mesh", "grids", "points", "embedding",
@@ -27,7 +27,7 @@ FLOORS = {
     ),
     "toolkit": (
         "asset", "meshing", "options", "walls", "driving", "verdict", "report", "simulation",
-        "features", "pipeline", "transfer", "listing", "estimate", "batch", "cli",
+        "features", "segment", "pipeline", "transfer", "listing", "estimate", "batch", "cli",
     ),
     "research": (
         "row_vectors", "voxels", "on_device", "datasets", "training", "evaluation",

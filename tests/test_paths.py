@@ -123,7 +123,7 @@ def test_no_verb_is_forgotten(files):
     assert {*_calls(str, files)} == {*_verbs()}
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_every_verb_takes_paths_as_texts(files, root, monkeypatch):
     """Relative ones, from the folder that they are in."""
     monkeypatch.chdir(files)

@@ -172,6 +172,10 @@ class AssignOptions:
     """Exact table material of one part, NAME=MATERIAL; may be repeated."""
     set: Annotated[tuple[str, ...], Repeated] = ()
     """Numbers of one part, PART:E=2e9,nu=.3,rho=1100 [Pa, 1, kg/m^3]; may be repeated."""
+    region: Annotated[tuple[str, ...], Repeated] = ()
+    """Text for one region of a thing in one piece, N="TEXT", as `assign` numbers them."""
+    at: Annotated[tuple[str, ...], Repeated] = ()
+    """Text for the region at, or nearest to, a point [m] of the mesh: X,Y,Z="TEXT"."""
     table: Path | None = None
     """Your own materials beside the table's, .csv with its columns or .toml; yours win."""
     interpreter: str | None = None
@@ -398,6 +402,22 @@ def pairs(options: Sequence[str]) -> dict[str, str]:
         if not (equals and name.strip() and value.strip()):
             raise UsageError(f'wanted NAME="VALUE", got {option!r}')
         found[name.strip()] = value.strip().strip('"')
+    return found
+
+
+def region_texts(options: AssignOptions) -> dict[int | tuple[float, float, float], str]:
+    """Text of each region that is chosen by its number or by a point; else a ``UsageError``."""
+    found: dict[int | tuple[float, float, float], str] = {}
+    for number, text in pairs(options.region).items():
+        if not number.isdecimal():
+            raise UsageError(f"--region wants N=TEXT, a number of a region; got {number!r}")
+        found[int(number)] = text
+    for place, text in pairs(options.at).items():
+        try:
+            x, y, z = map(float, place.split(","))
+        except ValueError as error:
+            raise UsageError(f"--at wants X,Y,Z=TEXT, a point in metres; got {place!r}") from error
+        found[x, y, z] = text
     return found
 
 

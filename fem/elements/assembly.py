@@ -1,4 +1,4 @@
-"""A mesh on a device: its space and matrix pattern; the stiffness assembled on it, supported."""
+"""A mesh on a device: its space and matrix pattern; matrices assembled on it, supported."""
 
 from __future__ import annotations
 
@@ -37,18 +37,20 @@ class Discretisation:
     device: str
     tets: Any
     pattern: Pattern
-    # lam, mu and rho of one material, and one more
+    # lam and mu, and rho, of one material, and of one more
     _constants: Recent[Any] = field(default_factory=lambda: Recent(4), repr=False)
 
-    def constant(self, values: Float[np.ndarray, "tets"]) -> Any:
-        """Array on the device of numbers that are only read; of a material's it is kept.
+    def constants(self, *values: Float[np.ndarray, "tets"]) -> list:
+        """Arrays on the device of numbers that are only read; of a material's they are kept.
 
         What may be written to is copied anew, for nobody would tell.
         """
-        if (kept := self._constants.get(values)) is not None:
+        if (kept := self._constants.get(*values)) is not None:
             return kept
-        made = self.array(values)
-        return made if values.flags.writeable else self._constants.keep(made, values)
+        made = [self.array(numbers) for numbers in values]
+        if any(numbers.flags.writeable for numbers in values):
+            return made
+        return self._constants.keep(made, *values)
 
     def array(self, values: Any) -> Any:
         """Array on the device of numbers (n,) or vectors (n, 3); one that is there as it is."""
@@ -128,7 +130,7 @@ def stiffness(grid: Discretisation, lam: np.ndarray, mu: np.ndarray) -> BlockMat
     kernels = elastic_kernels(LAWS[Law.LINEAR])
     values = wp.zeros(pattern.columns.shape[0], dtype=wp.mat33d, device=device)
     kernel = kernels.stiffness_p1 if grid.space.order == 1 else kernels.stiffness_p2
-    inputs = [grid.tets, *(grid.constant(m) for m in (lam, mu)), pattern.slots, values]
+    inputs = [grid.tets, *grid.constants(lam, mu), pattern.slots, values]
     wp.launch(kernel, len(lam), inputs=inputs, device=device)
     return BlockMatrix(pattern.rows, pattern.columns, values)
 
@@ -318,35 +320,6 @@ def drop_rows(matrix: BlockMatrix, free: Any) -> None:
     wp, device = start_warp(), matrix.values.device
     inputs = [matrix.rows, matrix.columns, free, matrix.values]
     wp.launch(k.fix_rows, matrix.nodes, inputs=inputs, device=device)
-
-
-# Stiffnesses of the last bodies: a rest, its buckling and its vibrations have the same one, and
-# linear elements come between.
-_RECENT_STIFFNESS: list[tuple[Discretisation, ElementMaterial, Supports, BlockMatrix]] = []
-_KEPT_STIFFNESS = 2
-
-
-def constrained_stiffness(
-    grid: Discretisation, material: ElementMaterial, held: Supports
-) -> BlockMatrix:
-    """Stiffness [N/m] of linear elasticity with supports: one that was kept, or a new one."""
-    for kept_grid, kept, supports, matrix in _RECENT_STIFFNESS:
-        pairs = [(getattr(kept, name), getattr(material, name)) for name in ("E", "nu", "tensor")]
-        pairs += [(supports.fixed, held.fixed), (supports.springs, held.springs)]
-        if kept_grid is grid and all(a is b or np.array_equal(a, b) for a, b in pairs):
-            return matrix  # whatever it weighs, and wherever it is held
-    matrix = linear_stiffness(grid, material)
-    apply_supports(matrix, held.fixed, held.springs)
-    return matrix
-
-
-def keep_stiffness(
-    grid: Discretisation, material: ElementMaterial, held: Supports, matrix: BlockMatrix
-) -> None:
-    """Keep a ``constrained_stiffness`` for its next call: from now on nobody may change it."""
-    if not any(kept is matrix for *_, kept in _RECENT_STIFFNESS):
-        _RECENT_STIFFNESS.insert(0, (grid, material, held, matrix))
-        del _RECENT_STIFFNESS[_KEPT_STIFFNESS:]
 
 
 def reduced_load(

@@ -17,7 +17,8 @@ from ..material import (
     mandel_tensor,
     mandel_vector,
 )
-from .assembly import BlockMatrix, Discretisation, linear_stiffness
+from ..scene.supports import Supports
+from .assembly import BlockMatrix, Discretisation, apply_supports, linear_stiffness, stiffness
 
 
 class Response(NamedTuple):
@@ -42,7 +43,7 @@ class ElasticBody:
         start_warp()
         from .kernels_elastic import elastic_kernels
 
-        self.grid, self.law, self._material = grid, law, material
+        self.grid, self.law, self.material = grid, law, material
         self._law, self._kernels = LAWS[law], elastic_kernels(LAWS[law])
         # Tensors of what the law does not know, and the Lame parameters that it takes
         self._tensor, lame = None, material.lame
@@ -53,7 +54,7 @@ class ElasticBody:
             lame = isotropic_part(material) if self._law.finite else zero
             beyond = material.tensor - isotropic_tensor(*lame)
             self._tensor = start_warp().array(beyond, dtype=mat66d, device=grid.device)
-        self._arrays = [grid.tets, *(grid.constant(m) for m in lame)]
+        self._arrays = [grid.tets, *grid.constants(*lame)]
 
     def _launch(self, kernel: Any, inputs: list) -> None:
         tets = len(self.grid.space.elements)
@@ -89,8 +90,8 @@ class ElasticBody:
     def tangent(self, u: Any, *, projected: bool = False) -> BlockMatrix:
         """Second derivative of W [N/m] at ``u`` [m], (nodes, 3) or a ``DeviceVector``.
 
-        ``projected``: no tet has a negative part. Where the law offers one of the two only, that is
-        what it gives.
+        That of the linear law is the same for every ``u``. ``projected``: no tet has a negative
+        part. Where the law offers one of the two only, that is what it gives.
         """
         wp = start_warp()
         pattern, arrays = self.grid.pattern, self._arrays
@@ -99,7 +100,7 @@ class ElasticBody:
             from . import kernels_elastic as k
 
             if not self._law.finite:
-                return linear_stiffness(self.grid, self._material)
+                return linear_stiffness(self.grid, self.material)
             inputs = [*arrays, self._tensor, True, 1.0, self.grid.array(u), None, projected]
             self._launch(k.tensor_tangent, [*inputs, pattern.slots, values])
         kernels, p1 = self._kernels, self.grid.space.order == 1
@@ -113,6 +114,35 @@ class ElasticBody:
                 kernel = self._law.tangent_p1
         self._launch(kernel, [*arrays, pattern.slots, values])
         return BlockMatrix(pattern.rows, pattern.columns, values)
+
+
+# Stiffnesses of the last bodies: a rest, its buckling and its vibrations have the same one, and
+# linear elements come between.
+_RECENT_STIFFNESS: list[tuple[ElasticBody, Supports, BlockMatrix]] = []
+_KEPT_STIFFNESS = 2
+
+
+def constrained_stiffness(body: ElasticBody, held: Supports) -> BlockMatrix:
+    """Stiffness [N/m] of a body by linear elasticity, with the supports of its nodes.
+
+    It may be one that was kept: nobody may change it.
+    """
+    for kept, supports, matrix in _RECENT_STIFFNESS:
+        one, other = kept.material, body.material
+        pairs = [(getattr(one, name), getattr(other, name)) for name in ("E", "nu", "tensor")]
+        pairs += [(supports.fixed, held.fixed), (supports.springs, held.springs)]
+        if kept.grid is body.grid and all(a is b or np.array_equal(a, b) for a, b in pairs):
+            return matrix  # whatever it weighs, and wherever it is held
+    matrix = linear_stiffness(body.grid, body.material)
+    apply_supports(matrix, held.fixed, held.springs)
+    return matrix
+
+
+def keep_stiffness(body: ElasticBody, held: Supports, matrix: BlockMatrix) -> None:
+    """Keep a ``constrained_stiffness`` for its next call."""
+    if not any(kept is matrix for *_, kept in _RECENT_STIFFNESS):
+        _RECENT_STIFFNESS.insert(0, (body, held, matrix))
+        del _RECENT_STIFFNESS[_KEPT_STIFFNESS:]
 
 
 class StrainAndStress(NamedTuple):
@@ -238,3 +268,21 @@ def geometric_stiffness(grid: Discretisation, stress: Float[np.ndarray, "tets po
     wp.launch(k.geometric_stiffness, len(stress), inputs=inputs, device=grid.device)
     arrays = (values.numpy(), pattern.columns.numpy(), pattern.rows.numpy())
     return csr_array(arrays, shape=(count, count))
+
+
+def stress_stiffness(
+    grid: Discretisation, stress: Float[np.ndarray, "tets points 3 3"]
+) -> BlockMatrix:
+    """What a ``stress`` [Pa] at the points of quadrature adds to a stiffness [N/m].
+
+    K_sigma, and what it lacks of the mean stress p, which works by the change of volume, tr H +
+    (tr H)^2 / 2 - tr(H^2) / 2, and not by Green's strain: p ((tr e)^2 - 2 |e|^2) of the strain e,
+    as lam = p and mu = -p make it. It is small but where the pressure is of the size of mu:
+    confined rubber would buckle by its squeeze alone.
+    """
+    pressure = np.trace(stress, axis1=2, axis2=3).mean(axis=1) / 3
+    matrix = stiffness(grid, pressure, -pressure)
+    values = matrix.values.numpy()
+    values += geometric_stiffness(grid, stress).data[:, None, None] * np.eye(3)
+    matrix.values.assign(values)
+    return matrix

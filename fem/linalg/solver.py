@@ -11,7 +11,14 @@ import numpy as np
 from ..device import Recorder, start_warp
 from ..elements.assembly import BlockMatrix
 from ..note import Note
-from .cholesky import CholeskyFactor, Elimination, NotPositive, cached_factor, planned_elimination
+from .cholesky import (
+    CholeskyFactor,
+    Elimination,
+    NotPositive,
+    cached_factor,
+    find_factor,
+    planned_elimination,
+)
 from .krylov import ConjugateGradients, DeviceVector, length, norm
 from .multigrid import Scaled, TwoLevel, corner_pattern, scale
 
@@ -278,14 +285,17 @@ def _cycle_inverse(system: Scaled, cycle: TwoLevel) -> Inverse:
 def rough_factor(
     matrix: BlockMatrix, *, points: np.ndarray, fixed: np.ndarray, edges: np.ndarray | None
 ) -> Inverse:
-    """One V-cycle for a ``matrix``, which stays; the factor of a small one.
+    """One V-cycle for a ``matrix``, which stays; the factor of a small one, or where it is known.
 
     The rest is as in ``solve_system``.
     """
     matrix = matrix.to("cpu")
-    if 3 * matrix.nodes <= DIRECT:
-        plan = planned_elimination(matrix, edges)
-        return Inverse(matrix.times, cached_factor(matrix, plan).solve)
+    plan = planned_elimination(matrix, edges)
+    factor = find_factor(matrix, plan)
+    if factor is None and 3 * matrix.nodes <= DIRECT:
+        factor = cached_factor(matrix, plan)
+    if factor is not None:
+        return Inverse(matrix.times, factor.solve)
     system = scale(BlockMatrix(matrix.rows, matrix.columns, start_warp().clone(matrix.values)))
     cycle = TwoLevel(system, points, fixed, edges=_level_edges(matrix, edges))
     return _cycle_inverse(system, cycle)

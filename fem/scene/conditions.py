@@ -13,7 +13,7 @@ import numpy as np
 
 from ..errors import InputError, UsageError
 from ..note import Note
-from .loads import pressure, resultant, spread_force, spread_torque
+from .loads import WHOLE, pressure, resultant, spread_force, spread_torque
 from .obstacles import Box, Capsule, Obstacle, Plane, Sphere, obstacle_size
 from .scene import Hold, Scene
 from .selection import Selection, half_space, numbers, select
@@ -110,23 +110,23 @@ class BoundaryConditions:
         make = {"load": spread_force, "pressure": pressure, "torque": spread_torque}
         for kind, spread in make.items():
             for place, value in self._placed(scene, kind):
-                option, shares = f"--{kind} {place.words}", place.shares
+                entry, parts = {"kind": kind, "words": place.words}, place.parts
                 if not value.any():
-                    warnings.append(Note("conditions.load_zero", option=option))
+                    warnings.append(Note("conditions.load_zero", **entry))
                     continue
-                if not shares.any():  # of a line a force has the faces beside it, a pressure none
-                    if kind == "pressure" or not len(shares):
-                        raise UsageError("conditions.face_surface", option=option)
-                    warnings.append(Note("conditions.on_a_line", option=option, count=len(shares)))
-                    shares = np.ones(len(shares))
+                if not parts.any():  # of a line a force has the faces beside it, a pressure none
+                    if kind == "pressure" or not len(parts):
+                        raise UsageError("conditions.face_surface", **entry)
+                    warnings.append(Note("conditions.on_a_line", count=len(parts), **entry))
+                    parts = np.tile(WHOLE, (len(parts), 1))
                 number = value if len(value) > 1 else float(value[0])
                 try:
-                    load = spread(mesh, place.faces, number, shares=shares)
+                    load = spread(mesh, place.faces, number, parts=parts)
                 except InputError as error:
-                    raise UsageError(f"{option}: {error}") from error
+                    raise UsageError("conditions.wrong_load", error=error, **entry) from error
                 load = load._replace(name=place.words)
                 if not resultant(mesh, load, held).on_fixed < 1:
-                    warnings.append(Note("conditions.load_fixed", option=option))
+                    warnings.append(Note("conditions.load_fixed", **entry))
                 tractions.append(load)
         gravity = np.asarray(scene.gravity_vector, dtype=float)
         if self.gravity_dir is not None:
@@ -152,8 +152,8 @@ class BoundaryConditions:
             place, equals, value = words.rpartition("=")
             if not equals:
                 form = "NUMBER" if COUNTS[kind] == 1 else "X,Y,Z"
-                raise UsageError(f"--{kind} {words!r}: wanted SELECTION={form}")
-            row = numbers(value, COUNTS[kind], f"--{kind} {words}")
+                raise UsageError("conditions.wanted_value", kind=kind, words=words, form=form)
+            row = numbers(value, COUNTS[kind], Note("conditions.entry", kind=kind, words=words))
             yield _selected(scene, kind, place), row
 
 
@@ -171,7 +171,7 @@ def _selected(scene: Scene, kind: str, words: str) -> Selection:
     try:
         return select(scene.mesh, words.strip(), surface=kind in LOADS)
     except UsageError as error:
-        raise UsageError(f"--{kind} {error}") from error
+        raise UsageError("conditions.wrong_place", kind=kind, error=error) from error
 
 
 def parsed_obstacle(words: str) -> Obstacle:

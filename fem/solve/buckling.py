@@ -7,20 +7,25 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from ..device import single_threaded
-from ..elements.assembly import constrained_stiffness, discretise, node_supports
-from ..elements.elastic import displacement_gradients, geometric_stiffness, linear_stress
+from ..elements.assembly import node_supports
+from ..elements.elastic import (
+    constrained_stiffness,
+    displacement_gradients,
+    linear_stress,
+    stress_stiffness,
+)
 from ..elements.following import FollowingLoads
 from ..elements.space import element_points
 from ..errors import ConvergenceError, InputError
 from ..laws.law import Law
-from ..mesh import material_of
 from ..scene.loads import Traction
 from ..scene.supports import Supports
 from .modal import ConstrainedInverse, constrained_inverse
 from .result import LoadFactor, StaticResult
 
-# Relative accuracy of the load factor: far below that of the elements.
-TOLERANCE = 1e-4
+# Relative accuracy of a load factor up to the second, far below that of the elements; that of a
+# larger one is less as it grows, for it is told to be far.
+TOLERANCE, NEAR = 1e-4, 10.0
 # Most steps of Lanczos, and the least before it says that there is nothing to find.
 STEPS, LEAST = 80, 10
 # Where no factor is affordable CG solves to this relative residual, while there are so many tets: a
@@ -39,9 +44,9 @@ def find_load_factor(
     What acts are loads and prescribed displacements, which grow together.
 
     The lowest eigenvalue above zero of (K + factor K_sigma) x = 0, with the geometric stiffness
-    K_sigma of the stress of ``result`` (Bathe, Finite Element Procedures, section 6.8.2).
-    ``supports`` are those of the result; pressures in ``traction`` follow their faces, which
-    K_sigma has beside the stress. Beyond ``LARGEST`` the factor is said to be infinite.
+    K_sigma of the stress of ``result`` (Bathe, Finite Element Procedures, section 6.8.2; and
+    ``stress_stiffness``). ``supports`` are those of the result; pressures in ``traction`` follow
+    their faces, which K_sigma has beside the stress. Beyond ``LARGEST`` the factor is infinite.
 
     Raises InputError: Where the result is not linear.
     Raises ConvergenceError: If the mesh is too large for it, or the eigensolver does not reach its
@@ -49,25 +54,24 @@ def find_load_factor(
     """
     if result.law != Law.LINEAR:
         raise InputError("buckling.load_factor_under", law=result.law, value=Law.LINEAR.value)
-    grid = discretise(result.mesh, result.order)
-    held = node_supports(supports, grid.space)
-    material, points = material_of(result.mesh), element_points(grid.space.order)
-    stress = linear_stress(displacement_gradients(grid, result.node_displacement, points), material)
+    body, grid = result.body, result.body.grid
+    held, points = node_supports(supports, grid.space), element_points(grid.space.order)
+    H = displacement_gradients(grid, result.node_displacement, points)
     affordable = len(result.mesh.tets) <= MOST_TETS
-    matrix = constrained_stiffness(grid, material, held)
+    matrix = constrained_stiffness(body, held)
     inverse = constrained_inverse(matrix, grid.space, held, rough=ROUGH if affordable else 0.0)
     if inverse is None:
         raise ConvergenceError("buckling.tets_shape", count=len(result.mesh.tets))
     free = ~held.fixed
     free[grid.space.unused] = False
-    K_sigma = geometric_stiffness(grid, stress)
+    stressed = stress_stiffness(grid, linear_stress(H, body.material))
     start = np.where(free, np.random.default_rng(0).normal(size=free.shape), 0.0)
     following = FollowingLoads(result.mesh, grid.space, traction, held.fixed)
     i, j, turning = following.stiffness(np.zeros_like(start))
 
     def push(x: np.ndarray) -> np.ndarray:
         """Force [N] that all that acts makes of a displacement ``x`` [m]."""
-        force = -(K_sigma @ x)
+        force = -stressed.times(x)
         np.subtract.at(force, i, np.einsum("nij,nj->ni", turning, x[j]))
         return np.where(free, force, 0.0)
 
@@ -107,6 +111,6 @@ def _largest_eigenvalue(
         error = rest * abs(mode[-1, -1])
         if value[-1] + error < 1 / LARGEST and step + 1 >= LEAST:
             return 0.0, v
-        if error <= TOLERANCE * abs(value[-1]):
+        if error <= TOLERANCE * max(value[-1], 1 / NEAR):
             return float(value[-1]), np.tensordot(mode[:, -1], basis[: step + 1], axes=1)
     raise ConvergenceError("buckling.load_factor", steps=STEPS, value=1 / value[-1])

@@ -295,8 +295,9 @@ class Contact:
         return total
 
     def rubbed(self, u: np.ndarray) -> float:
-        """Energy [J] that friction with obstacles took in the step that ends at ``u``."""
-        return sum(float((lag.gradient(u) * lag.slip(u)[0]).sum()) for lag in self.lagged)
+        """Energy [J] that friction took in the step that ends at ``u``."""
+        own = self.own.rubbed(u) if self.own else 0.0
+        return own + sum(float((lag.gradient(u) * lag.slip(u)[0]).sum()) for lag in self.lagged)
 
     def pressures(self, u: np.ndarray) -> ContactPressures:
         """Largest contact pressures [Pa] at ``u``, without friction."""

@@ -161,20 +161,25 @@ class Dynamics:
         return self._known[1]
 
     def _measured(self, time: float, motion: Kinematics, iterations: int) -> Motion:
-        springs = 0.5 * float((self.held.springs * (u := motion.u) ** 2).sum())
+        held, u = self.held, motion.u
+        contact, response = self.contact.forces(u, len(u)), self.response(u)
+        reaction = np.where(held.fixed, response.force - self.load - contact, 0.0)
+        if self.damping and held.fixed.any():
+            reaction += np.where(held.fixed, self.damping.force(u, motion.v), 0.0)
         return Motion(
             time,
             *motion,
-            contact_force=self.contact.forces(u, len(u)),
+            contact_force=contact,
             obstacle_force=self.contact.obstacle_forces(u),
             piece_forces=self.contact.piece_forces(u),
             pressures=self.contact.pressures(u),
             gap=self.contact.gap(u),
             kinetic=0.5 * float((self.mass[:, None] * motion.v**2).sum()),
-            elastic=self.response(u).energy + springs,
+            elastic=response.energy + 0.5 * float((held.springs * u**2).sum()),
             potential=-float((self.load * u).sum()),
             barrier=self.contact.barrier(u),
             iterations=iterations,
+            reaction=reaction - held.springs * u,
         )
 
     def step(self, dt: float) -> Motion:
@@ -293,8 +298,7 @@ class ImpactSteps:
         """The state a frame later."""
         body, before = self.body, self.body.kept
         lost = self._step(self.dt)
-        again = lost > LOSSY * self._given and 1 < self.parts <= self.left
-        if again and body.contact.surfaces:
+        if lost > LOSSY * self._given and 1 < self.parts <= self.left:
             self.left -= self.parts
             scheme, body.scheme, body.kept = body.scheme, Scheme.BDF2, before
             del self._forces[-1:]
@@ -304,7 +308,7 @@ class ImpactSteps:
         return body.state
 
     def _step(self, dt: float) -> float:
-        """Energy [J] that a step lost, but to friction, where an obstacle is met."""
+        """Energy [J] that a step lost, but to friction, where an obstacle or a piece is met."""
         body, before = self.body, self.body.state
         after = body.step(dt)
         self.halved += body._dt != dt
@@ -312,14 +316,14 @@ class ImpactSteps:
         self._given = max(self._given, *own)
         self._barrier = max(self._barrier, after.barrier)
         self._forces.append(np.linalg.norm(after.obstacle_force, axis=1))
-        if not (body.contact.surfaces and (before.barrier or after.barrier)):
+        if not (before.barrier or after.barrier):
             return 0.0
         return before.energy - after.energy - body.contact.rubbed(after.u)
 
     @property
     def impact(self) -> Impact | None:
-        """How obstacles were met until now; None where there are none."""
-        if not self.body.contact.surfaces:
+        """How obstacles and pieces were met until now; None where nothing can be."""
+        if not self.body.contact.acts:
             return None
         none = np.zeros_like(self._forces[0])  # before the first step; after the last it goes on
         forces = np.stack([none, *self._forces, self._forces[-1]])
@@ -327,7 +331,7 @@ class ImpactSteps:
         beside = (forces[peak - 1] + forces[peak + 1]).diagonal() / 2
         rough = (largest - beside) / np.where(largest > 0, largest, 1.0)
         barrier = self._barrier / self._given if self._given else 0.0
-        return Impact(largest, self._lost, barrier, float(rough.max()))
+        return Impact(largest, self._lost, barrier, float(rough.max(initial=0.0)))
 
 
 class DynamicMethod:

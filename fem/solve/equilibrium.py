@@ -9,14 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from ..elements.assembly import constrained_stiffness, discretise, node_supports
-from ..elements.elastic import ElasticBody, displacement_gradients
+from ..elements.assembly import discretise, node_supports
+from ..elements.elastic import ElasticBody, constrained_stiffness, displacement_gradients
 from ..elements.space import CENTROID
 from ..errors import ConvergenceError, UsageError
 from ..laws.law import LAWS, Law
 from ..linalg.cholesky import planned_elimination
 from ..linalg.solver import MOST_ENTRIES
-from ..mesh import material_of
 from ..note import Note
 from ..scene.obstacles import Plane
 from ..scene.scene import Scene
@@ -144,27 +143,24 @@ def _beyond_linear(linear: StaticResult, scene: Scene, error: float) -> Note | N
     if linear.max_strain > LINEAR_STRAIN:
         value, limit = linear.max_strain, LINEAR_STRAIN
         return Note("equilibrium.linear_answer", max_strain=value, linear_limit=limit)
-    grid = discretise(mesh, linear.order)
-    H = displacement_gradients(grid, u, CENTROID)[:, 0]
+    body, space = linear.body, linear.space
+    H = displacement_gradients(body.grid, u, CENTROID)[:, 0]
     turn = float(np.linalg.norm(H - H.transpose(0, 2, 1), axis=(1, 2)).max() / np.sqrt(8))
     if turn > LINEAR_TURN:
         return Note("equilibrium.linear_turns", turn=turn, limit=LINEAR_TURN)
     ground = _lowered(scene)
     if ground and not ground.distance(mesh.points + linear.displacement).gap.min() > 0:
         return Note("equilibrium.linear_answer_sinks")
-    held = node_supports(scene.held, grid.space)
-    material, sizes = material_of(mesh), np.linalg.norm(u, axis=1)
-    inverse = constrained_inverse(
-        constrained_stiffness(grid, material, held), grid.space, held, rough=ROUGH
-    )
+    held, sizes = node_supports(scene.held, space), np.linalg.norm(u, axis=1)
+    inverse = constrained_inverse(constrained_stiffness(body, held), space, held, rough=ROUGH)
     assert inverse is not None  # it may be rough
     solve = lambda force: inverse.solve(np.where(held.fixed, 0.0, -force))  # noqa: E731
-    finite = ElasticBody(grid, material, Law.NEO_HOOKEAN)
+    finite = ElasticBody(body.grid, body.material, Law.NEO_HOOKEAN)
     force = lambda x: finite.response(x).force  # noqa: E731
     e = DIFFERENCED / max(float(np.abs(H).max()), DIFFERENCED)
     second = solve((force(e * u) + force(-e * u)) / (2 * e**2))
     odd = (force(e * u + e**2 * second) - force(-e * u + e**2 * second)) / (2 * e)
-    third = solve((odd - ElasticBody(grid, material, Law.LINEAR).response(u).force) / e**2)
+    third = solve((odd - body.response(u).force) / e**2)
     change = np.abs(np.linalg.norm(u + second + third, axis=1) - sizes).max() / sizes.max()
     limit = float(np.clip(np.nan_to_num(error) * OF_MESH, LINEAR_CHANGE, MOST_CHANGE))
     if not change <= limit:

@@ -7,7 +7,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..elements.assembly import constrained_stiffness, discretise, node_supports
+from ..elements.assembly import node_supports
+from ..elements.elastic import constrained_stiffness
 from ..elements.space import LARGEST_MOVING, LARGEST_P2, affordable_order, p2_unknowns
 from ..errors import ConvergenceError, InputError
 from ..linalg.solver import rough_factor
@@ -80,12 +81,11 @@ def find_discretisation_error(
     """
     if result.order == 1:
         return MeshError(_error_of_linear(result, supports, solve))
-    grid = discretise(result.mesh, 2)
     if (stiffness := result.cycle) is None:
-        held = node_supports(supports, grid.space)
-        matrix = constrained_stiffness(grid, material_of(result.mesh), held)
-        known = {"points": grid.space.nodes, "fixed": held.fixed, "edges": grid.space.edges}
-        stiffness = rough_factor(matrix, **known)
+        space = result.space
+        held = node_supports(supports, space)
+        known = {"points": space.nodes, "fixed": held.fixed, "edges": space.edges}
+        stiffness = rough_factor(constrained_stiffness(result.body, held), **known)
     known = {name: loads.get(name) for name in ("gravity_vector", "traction", "forces")}
     return estimate_error(result, supports, stiffness, **known)
 

@@ -12,20 +12,19 @@ import numpy as np
 from ..device import Recorder, checked_device, single_threaded, start_warp
 from ..elements.assembly import (
     BlockMatrix,
-    Discretisation,
     add_blocks,
     add_diagonal,
     apply_supports,
-    constrained_stiffness,
     discretise,
     linear_stiffness,
     node_supports,
 )
 from ..elements.elastic import (
     ElasticBody,
+    constrained_stiffness,
     displacement_gradients,
-    geometric_stiffness,
     linear_stress,
+    stress_stiffness,
 )
 from ..elements.following import FollowingLoads
 from ..elements.forces import consistent_mass, diagonal_mass, lumped_mass
@@ -52,9 +51,11 @@ MAX_ITERATIONS = 200
 # Lanczos stops when the error of every mode in mass is this share of it; blocks are this wide and
 # at most so many: one run through the factor costs little more for a few vectors than for one.
 CONVERGED = 1e-6
-# Vibrations are found anew where the load changes the squares of their frequencies by more than
-# this share: below it those of the slowest together are good to its square.
+# A load that changes the squares of frequencies by more than this share is told of.
 NOTICED = 1e-2
+# Up to this share others do not come before them: they follow by so many corrections at most, to
+# this residual; else they are found anew.
+FOLLOWED, CORRECTIONS, SETTLED = 0.1, 4, TOLERANCE / 3
 WIDEST, MOST_BLOCKS = 8, 60
 # The shift of a body that can move freely: a share of the square of its slowest wave's frequency.
 SHIFT = 0.05
@@ -73,7 +74,7 @@ class Vibrations(NamedTuple):
     """
 
     mesh: TetMesh
-    grid: Discretisation
+    body: ElasticBody
     held: Supports
     free: np.ndarray
     mass: Any
@@ -84,24 +85,23 @@ class Vibrations(NamedTuple):
 
     def stiffness(self, shift: float = 0.0) -> BlockMatrix:
         """K + shift M [N/m], held; M in its own blocks. At ``rest`` what its stress adds to K."""
-        material, rest = material_of(self.mesh), self.rest
+        grid, rest = self.body.grid, self.rest
         if rest is None and not shift:
-            return constrained_stiffness(self.grid, material, self.held)
-        if rest is None or rest.law == Law.LINEAR:
-            matrix = linear_stiffness(self.grid, material)
+            return constrained_stiffness(self.body, self.held)
+        if rest is None:
+            matrix = linear_stiffness(grid, self.body.material)
         else:
-            matrix = ElasticBody(self.grid, material, rest.law).tangent(rest.node_displacement)
+            matrix = rest.body.tangent(rest.node_displacement)
         values = matrix.values.numpy()
         values += shift * self.mass.data[:, None, None] * np.eye(3)
         if rest is not None and rest.law == Law.LINEAR:
-            points = element_points(self.grid.space.order)
-            H = displacement_gradients(self.grid, rest.node_displacement, points)
-            K_sigma = geometric_stiffness(self.grid, linear_stress(H, material))
-            values += K_sigma.data[:, None, None] * np.eye(3)
+            points = element_points(rest.order)
+            H = displacement_gradients(grid, rest.node_displacement, points)
+            values += stress_stiffness(grid, linear_stress(H, self.body.material)).values.numpy()
         matrix.values.assign(values)
         if rest is not None:
             lies = rest.node_displacement * (rest.law != Law.LINEAR)
-            following = FollowingLoads(self.mesh, self.grid.space, self.tractions, self.held.fixed)
+            following = FollowingLoads(self.mesh, grid.space, self.tractions, self.held.fixed)
             add_blocks(matrix, *following.stiffness(lies))
         apply_supports(matrix, self.held.fixed, self.held.springs)
         return matrix
@@ -144,8 +144,8 @@ def natural_modes(
     device
         'cpu' or 'cuda'.
     rest, tractions
-        Rest of the same elements and supports about which it vibrates, and its loads on faces [Pa]:
-        stress and pressures change the stiffness.
+        Rest of the same mesh, elements, device and supports about which it vibrates, and its loads
+        on faces [Pa]: stress and pressures change the stiffness.
 
     Returns
     -------
@@ -169,7 +169,13 @@ def natural_modes(
     2.0
     """
     checked_count("modes", count)
-    grid = discretise(mesh, order, checked_device(device))
+    if rest is None:
+        grid = discretise(mesh, order, checked_device(device))
+        body = ElasticBody(grid, material_of(mesh), Law.LINEAR)
+    elif rest.order != order:
+        raise InputError("modal.rest_of_order", order=rest.order, wanted=order)
+    else:
+        body, grid = rest.body, rest.body.grid
     space = grid.space
     held = node_supports(supports or Supports.none(len(mesh.points)), space)
     used = np.ones(len(space.nodes), dtype=bool)
@@ -182,11 +188,10 @@ def natural_modes(
         whole = rigid_motions(mesh.points - mesh.points.mean(axis=0))
         motions = whole[..., : 0 if stopped.any() else 6]
     mass = (diagonal_mass if lumped else consistent_mass)(mesh, grid)
-    material = material_of(mesh)
-    speed2 = float((material.lame.mu / material.rho).min())
+    speed2 = float((body.material.lame.mu / body.material.rho).min())
     problem = Vibrations(
         mesh,
-        grid,
+        body,
         held,
         free,
         mass,
@@ -197,24 +202,18 @@ def natural_modes(
     if count + rigid >= unknowns // 2:
         raise InputError("modal.modes_body", count=count, unknowns=unknowns)
     matrix = problem.stiffness()
-    plan = planned_elimination(matrix, problem.grid.space.edges)
+    plan = planned_elimination(matrix, space.edges)
     solve = _factored if plan.entries <= MOST_ENTRIES else _lobpcg
     square, x = solve(problem, matrix, count)
     noticed = False
     if rest is not None:
-        if rest.order != order:
-            raise InputError("modal.rest_of_order", order=rest.order, wanted=order)
-        # What the load changes among the slowest vibrations; where that is much, all anew
-        problem, unloaded = problem._replace(rest=rest, tractions=tractions), matrix
-        matrix = problem.stiffness().to("cpu")
-        change = x.T @ (matrix.to_scipy() - unloaded.to("cpu").to_scipy()) @ x
-        root = np.sqrt(np.outer(square, square))
-        noticed = bool(np.abs(change / root).max() > NOTICED)
-        if noticed:
-            square, x = solve(problem, matrix, count)
-        else:
-            square, along = np.linalg.eigh(np.diag(square) + (change + change.T) / 2)
-            x = x @ along
+        # What the load changes of the slowest vibrations, among themselves and what they lack
+        problem = problem._replace(rest=rest, tractions=tractions)
+        loaded, matrix = problem.stiffness().to("cpu"), matrix.to("cpu")
+        noticed, square, x = _loaded(problem, matrix, loaded, square, x)
+        if x is None:
+            square, x = solve(problem, loaded, count)
+        matrix = loaded
         if not square[0] > 0:
             raise ConvergenceError("modal.not_stable")
     weighed = problem.weigh(x)
@@ -288,9 +287,10 @@ class ModalMethod:
         modes = natural_modes(scene.mesh, scene.modes, **options)
         if order == 1:
             return modes
-        grid, material = discretise(scene.mesh, 2), material_of(scene.mesh)
+        grid = discretise(scene.mesh, 2)
         held = node_supports(scene.held, grid.space)
-        matrix = constrained_stiffness(grid, material, held)
+        body = ElasticBody(grid, material_of(scene.mesh), Law.LINEAR)
+        matrix = constrained_stiffness(body, held)
         raised = BlockMatrix(matrix.rows, matrix.columns, start_warp().clone(matrix.values))
         square = float((2 * np.pi * modes.frequencies[0]) ** 2)
         mass = lumped_mass(scene.mesh, grid.space)
@@ -318,7 +318,7 @@ def _factored(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Lowest squares of frequencies [1/s^2], and shapes (3 nodes, count), by a factor."""
     rigid, shift, factor = problem.motions.shape[2], 0.0, None
-    plan = planned_elimination(matrix, problem.grid.space.edges)
+    plan = planned_elimination(matrix, problem.body.grid.space.edges)
     if not rigid:  # statics may have made the factor
         try:
             factor = cached_factor(matrix.to("cpu"), plan)
@@ -346,6 +346,40 @@ def _factored(
     return square[rigid:], pairs.vectors(rigid + count)[:, rigid:]
 
 
+def _loaded(
+    problem: Vibrations,
+    unloaded: BlockMatrix,
+    matrix: BlockMatrix,
+    square: np.ndarray,
+    x: np.ndarray,
+) -> tuple[bool, np.ndarray, np.ndarray | None]:
+    """Whether a load changes vibrations by more than ``NOTICED``, and which they are under it.
+
+    ``square`` and ``x`` (3 nodes, count) are those of the ``unloaded`` stiffness. Their residual
+    under the loaded ``matrix``, through the factor of the unloaded one, is what they lack: the
+    lowest in the span of both are taken. Without a factor, or where that is not enough: None.
+    """
+    from scipy.linalg import eigh
+
+    count, K = x.shape[1], matrix.to_scipy()
+    pushed, root = K @ x, np.sqrt(np.outer(square, square))
+    change = float(np.abs((x.T @ pushed - np.diag(square)) / root).max())
+    factor = find_factor(unloaded, planned_elimination(unloaded, problem.body.grid.space.edges))
+    for _ in range(CORRECTIONS if change < FOLLOWED else 0):
+        weighed = problem.weigh(x)
+        square, along = (part[..., :count] for part in eigh(x.T @ pushed, x.T @ weighed))
+        x, weighed = x @ along, weighed @ along * square
+        wrong = pushed @ along - weighed
+        if (np.linalg.norm(wrong, axis=0) / np.linalg.norm(weighed, axis=0)).max() < SETTLED:
+            return change > NOTICED, square, x
+        if factor is None:
+            break
+        lacks = factor.solve(wrong.reshape(len(problem.free), 3, -1)).reshape(x.shape)
+        x = np.linalg.qr(np.column_stack([x, lacks]))[0]
+        pushed = K @ x
+    return change > NOTICED, square, None
+
+
 def _lobpcg(problem: Vibrations, matrix: BlockMatrix, count: int) -> tuple[np.ndarray, np.ndarray]:
     """As ``_factored``, by iterating on a block of vectors with one V-cycle.
 
@@ -362,7 +396,7 @@ def _lobpcg(problem: Vibrations, matrix: BlockMatrix, count: int) -> tuple[np.nd
     motions = problem.motions.reshape(free.size, -1)[free]
     start = np.random.default_rng(0).normal(size=(K.shape[0], count + 4))
     system = scale(problem.stiffness(problem.slow))
-    cycle = TwoLevel(system, problem.grid.space.nodes, problem.held.fixed)
+    cycle = TwoLevel(system, problem.body.grid.space.nodes, problem.held.fixed)
     r, z = cycle.r, cycle.z
     launch = Recorder(system.matrix.nodes, r.device)
     scaled = launch(k.block_multiply, [system.inverse, r, False, r])

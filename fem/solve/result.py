@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from ..elements.elastic import von_mises
+from ..elements.elastic import ElasticBody, von_mises
 from ..elements.space import Space
 from ..linalg.solver import Inverse
 from ..mesh import TetMesh, material_of
@@ -40,8 +40,8 @@ class SingularPlace(NamedTuple):
     """Connected points of a mesh where stress has no bound: it grows as the mesh is refined.
 
     ``kind`` is one of ``PLACES``, ``centre`` (3,) [m] the mean of its points and ``radius`` [m] how
-    far they reach, ``exponent`` that of the displacement by the distance [1], ``share`` what it has
-    of the squared error in energy [1].
+    far the tets around them reach, ``exponent`` that of the displacement by the distance [1],
+    ``share`` what it has of the squared error in energy [1].
     """
 
     kind: str
@@ -100,8 +100,8 @@ class StaticResult:
         Displacement of the mesh points [m], shape (points, 3).
     node_displacement
         Displacement of all nodes of the space [m], shape (nodes, 3); edges follow the points in P2.
-    law
-        Name of the elastic law of the solution.
+    body
+        The discretised mesh under the elastic law of the solution.
     strain, stress
         Strain tensor [1] (small strain, or Green's under a finite law) and Cauchy stress [Pa],
         means over every tet, shape (tets, 3, 3).
@@ -130,10 +130,9 @@ class StaticResult:
     """
 
     mesh: TetMesh
-    space: Space
+    body: ElasticBody = field(repr=False)
     displacement: Float[np.ndarray, "points 3"]
     node_displacement: Float[np.ndarray, "nodes 3"]
-    law: str
     strain: Float[np.ndarray, "tets 3 3"]
     stress: Float[np.ndarray, "tets 3 3"]
     reaction: Float[np.ndarray, "nodes 3"]
@@ -143,6 +142,16 @@ class StaticResult:
     solver: str = ""
     cycle: Inverse | None = None
     path: Any = field(default=None, repr=False)
+
+    @property
+    def law(self) -> str:
+        """Name of the elastic law of the solution."""
+        return self.body.law
+
+    @property
+    def space(self) -> Space:
+        """Nodes and elements of the displacement."""
+        return self.body.grid.space
 
     @property
     def order(self) -> int:
@@ -247,6 +256,8 @@ class Motion:
         Energies [J]: of gravity and dead forces, and of the obstacles, the last two.
     iterations
         Newton iterations of the step.
+    reaction
+        Force of the supports on every node [N], shape (nodes, 3); None: not known.
 
     Examples
     --------
@@ -272,6 +283,7 @@ class Motion:
     iterations: int
     piece_forces: tuple[PieceForce, ...] = ()
     pressures: ContactPressures | None = None
+    reaction: Float[np.ndarray, "nodes 3"] | None = None
 
     @property
     def energy(self) -> float:
@@ -354,6 +366,12 @@ class MotionResult:
     model_error: ModelError | None = None
     stiffening: float = np.nan
     impact: Impact | None = None
+
+    @property
+    def reactions(self) -> Float[np.ndarray, "frames nodes 3"] | None:
+        """Force of the supports on every node [N] in every frame; None: not known."""
+        known = [frame.reaction for frame in self.frames if frame.reaction is not None]
+        return np.stack(known) if len(known) == len(self.frames) else None
 
     @property
     def displacements(self) -> Float[np.ndarray, "frames points 3"]:

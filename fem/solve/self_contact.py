@@ -160,6 +160,14 @@ class SelfContact:
         rubbed, potential = self._sliding
         return float(potential(rubbed, self.surface.mesh, self._slip(u)))
 
+    def rubbed(self, u: np.ndarray) -> float:
+        """Energy [J] that friction took in the step that ends at ``u``."""
+        if self._sliding is None:
+            return 0.0
+        rubbed, potential = self._sliding
+        slip = self._slip(u)
+        return float(potential.gradient(rubbed, self.surface.mesh, slip) @ slip.reshape(-1))
+
     def push(self, u: np.ndarray) -> Float[np.ndarray, "n 3"]:
         """Gradient [N] of the barrier at the nodes of the surface."""
         x, pairs = self._here(u)

@@ -10,14 +10,14 @@ import numpy as np
 from jaxtyping import Float
 
 from ..device import checked_device, single_threaded
-from ..elements.assembly import (
-    Discretisation,
+from ..elements.assembly import Discretisation, discretise, node_supports
+from ..elements.elastic import (
+    ElasticBody,
     constrained_stiffness,
-    discretise,
+    displacement_gradients,
     keep_stiffness,
-    node_supports,
+    strain_and_stress,
 )
-from ..elements.elastic import ElasticBody, displacement_gradients, strain_and_stress
 from ..elements.forces import load_vector
 from ..elements.space import CENTROID, affordable_order
 from ..errors import ConvergenceError, InputError
@@ -107,22 +107,21 @@ def solve_static(
     >>> round(float(-u[:, 2].min()), 9)  # m: rho g L^2 / (2 E)
     0.005
     """
-    material = material_of(mesh)
     loads = {"gravity_vector": gravity_vector, "body": body, "traction": traction, "forces": forces}
     grid, held, load = discrete_problem(mesh, supports, order=order, device=device, **loads)
     prescribed = np.where(held.fixed, held.values, 0.0)
-    body_law = ElasticBody(grid, material, Law.LINEAR)
-    rhs = load - (body_law.response(prescribed).force if prescribed.any() else 0.0)
-    matrix = constrained_stiffness(grid, material, held)
+    elastic = ElasticBody(grid, material_of(mesh), Law.LINEAR)
+    rhs = load - (elastic.response(prescribed).force if prescribed.any() else 0.0)
+    matrix = constrained_stiffness(elastic, held)
     rhs = np.where(held.fixed, 0.0, rhs)
     nodes = grid.space.nodes
     known = {"points": nodes, "fixed": held.fixed, "edges": grid.space.edges}
     solution = solve_system(matrix, rhs, **known, tolerance=tolerance)
     check_solution(mesh, held, solution, tolerance)
     if solution.solver == CHOLESKY:  # else it was used up
-        keep_stiffness(grid, material, held, matrix)
+        keep_stiffness(elastic, held, matrix)
     u = np.where(held.fixed, prescribed, solution.x)
-    result = static_result(mesh, body_law, u, load, held, solution.residual, solution.iterations)
+    result = static_result(mesh, elastic, u, load, held, solution.residual, solution.iterations)
     return replace(result, solver=solution.solver, cycle=solution.cycle)
 
 
@@ -175,13 +174,12 @@ def static_result(
     # P2 strain is linear: its mean is its value at the centroid.
     H = displacement_gradients(grid, u, CENTROID)[:, 0]
     energy, force = body.response(u)
-    strain, stress = strain_and_stress(body.law, H, material_of(mesh))
+    strain, stress = strain_and_stress(body.law, H, body.material)
     return StaticResult(
         mesh,
-        grid.space,
+        body,
         u[: grid.space.points],
         u,
-        body.law,
         strain,
         stress,
         np.where(held.fixed, force - load, 0.0) - held.springs * u,
@@ -193,11 +191,10 @@ def static_result(
 
 def corner_stresses(result: StaticResult) -> Float[np.ndarray, "tets 4 3 3"]:
     """Cauchy stress [Pa] at the corners of every tet, where a P2 stress differs from its mean."""
-    grid = discretise(result.mesh, result.order)
-    H = displacement_gradients(grid, result.node_displacement, np.eye(4))
-    material = material_of(result.mesh)
+    body = result.body
+    H = displacement_gradients(body.grid, result.node_displacement, np.eye(4))
     return np.stack(
-        [strain_and_stress(result.law, H[:, k], material).stress for k in range(4)], axis=1
+        [strain_and_stress(body.law, H[:, k], body.material).stress for k in range(4)], axis=1
     )
 
 

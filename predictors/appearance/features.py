@@ -272,13 +272,15 @@ class Appearance:
     """What is seen of the cells: colours in [0, 1] (nx, ny, nz, 3), features (nx, ny, nz, D).
 
     ``words`` embeds clauses in the space of the features; ``finish`` (nx, ny, nz, 4) are opacity
-    and ``surface_colour.Finish`` beside the colours. Any may be missing.
+    and ``surface_colour.Finish`` beside the colours; ``shell`` (nx, ny, nz) numbers the connected
+    surfaces of a mesh. Any may be missing.
     """
 
     colours: np.ndarray | None = None
     features: np.ndarray | None = None
     words: TextEncoder | None = None
     finish: np.ndarray | None = None
+    shell: np.ndarray | None = None
 
     def looks(self, inside: np.ndarray) -> np.ndarray | None:
         """Colour and finish (n, 7) of the cells ``inside``, None where no colour is known."""
@@ -290,24 +292,38 @@ class Appearance:
         return np.concatenate([colours, np.tile(PLAIN_FINISH, (len(colours), 1))], axis=1)
 
 
-# What is seen of cells: colour, opacity and finish of the surface that is nearest to each.
+# What is seen of cells: colour, opacity, finish and shell of the surface that is nearest to each.
 
 POINTS = 50_000  # on the surface: ten for each outer cell of a cube of 64
 NEAREST = 4  # points of which the mean is taken
+WELDED = 1e-5  # of the longest side: corners that are nearer are one
 
 
 def cell_appearance(
     asset: Asset, centres: Float[np.ndarray, "n 3"], *, turned: bool = False
-) -> Float[np.ndarray, "n 7"]:
-    """Return red, green, blue, opacity and ``Finish`` of what lies nearest to each centre.
+) -> tuple[Float[np.ndarray, "n 7"], Int[np.ndarray, "n"]]:
+    """Return what lies nearest to each centre: how it looks, and its shell.
 
-    The centres lie where the asset does, or, ``turned``, where it would stand upright.
+    Looks are red, green, blue, opacity and ``Finish``. A shell is a connected surface of all parts
+    together, from 0, none empty. The centres lie where the asset does, or, ``turned``, where it
+    would stand upright.
     """
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import connected_components
     from scipy.spatial import KDTree
 
     rng = np.random.default_rng(0)
     area = sum(float(part.mesh.area) for part in asset.parts)
-    points, looks = [], []
+    corners = np.concatenate([part.mesh.triangles.reshape(-1, 3) for part in asset.parts])
+    step = WELDED * float(asset.size.max())
+    _, corner = np.unique(np.round(corners / step).astype(np.int64), axis=0, return_inverse=True)
+    corner = corner.reshape(-1, 3)
+    edges = np.concatenate([corner[:, :2], corner[:, 1:]])
+    graph = coo_matrix(
+        (np.ones(len(edges), dtype=bool), tuple(edges.T)), shape=(int(corner.max()) + 1,) * 2
+    )
+    of_face = connected_components(graph, directed=False)[1][corner[:, 0]]
+    points, looks, shells, first = [], [], [], 0
     for part in asset.parts:
         count = max(NEAREST, round(POINTS * float(part.mesh.area) / area))
         faces, weights = random_points(part.mesh, count, rng)
@@ -315,8 +331,11 @@ def cell_appearance(
         points.append(upright(at, asset.up) if turned else at)
         seen = (skin_of(part.mesh)(faces, weights), gloss_of(part.mesh)(faces, weights))
         looks.append(np.concatenate(seen, axis=1))
+        shells.append(of_face[first + faces])
+        first += len(part.mesh.faces)
     _, nearest = KDTree(np.concatenate(points)).query(centres, k=NEAREST)
-    return np.concatenate(looks)[nearest].mean(axis=1)
+    shell = np.unique(np.concatenate(shells)[nearest[:, 0]], return_inverse=True)[1]
+    return np.concatenate(looks)[nearest].mean(axis=1), shell.ravel()
 
 
 # Pictures of matter on a grid: splats, point clouds and NeRF grids seen without photographs.

@@ -14,6 +14,7 @@ from ...fem.table import (
     FIELDS,
     NU_CAP,
     Material,
+    MaterialTable,
     MaterialValue,
     Span,
     material_of_values,
@@ -118,6 +119,8 @@ HARDNESSES = (("shore_a", modulus_of_shore_a), ("shore_d", modulus_of_shore_d))
 
 SAME = 1.02  # two numbers that differ by less are one, in another unit and rounded
 
+CELLS = ("rigid foam",)  # E goes with the square of rho: Gibson and Ashby
+
 BESIDE = 2.0  # how far beyond the table's range a grade of the same name may lie
 
 # What a linear isotropic solid can have at all: E [Pa], nu [1], rho [kg/m^3].
@@ -162,7 +165,8 @@ def with_numbers(
         warnings.append(other)
         del said["E"]
     if blend is not None:
-        fibre = next((name for name in FIBRES if name in blend.material), None)
+        rows = {"CFRP (along fibre)": "carbon", "E-glass fibre": "glass"}  # of the words for them
+        fibre = rows.get(blend.material)
         if fibre is None:
             warnings.append(Note("numbers.part_changes_known", part=part, **vars(blend)))
         else:
@@ -184,6 +188,9 @@ def with_numbers(
     if "thickness" in said and not wall_named(part, [said["thickness"]]):
         warnings.append(Note("numbers.part_changes", part=part, text=said["thickness"].text))
     exact = {name: said[name].value for name in ("E", "nu", "rho") if name in said}
+    if row.category in CELLS and "rho" in exact and "E" not in exact:
+        value, _ = of_infill(value, exact["rho"] / value.rho)
+        how.append(Note("numbers.by_density", rho=exact["rho"], e=value.E))
     dense = exact.get("rho", row.rho.min)
     if named and not _near(row.rho, dense):
         solid, low, high = value.rho, *row.rho
@@ -220,6 +227,37 @@ def may_have(row: Material, numbers: Sequence[Quantity]) -> bool:
     if hardness is not None:
         said.setdefault("E", hardness)
     return all(_near(getattr(row, name), said[name]) for name in ("E", "rho") if name in said)
+
+
+# Plastics that are foam where they are said to weigh less than half of themselves; the first is the
+# soft one, the last the stiff.
+FOAMED = {
+    "thermoplastic polyurethane (TPU)": ("flexible PU foam", "rigid PU foam"),
+    "polyurethane rubber": ("flexible PU foam", "rigid PU foam"),
+    "polyethylene (generic)": ("polyethylene foam",),
+    "LDPE": ("polyethylene foam",),
+    "polypropylene": ("expanded polypropylene foam",),
+    "polystyrene": ("EPS foam",),
+    "rigid PVC": ("PVC foam core",),
+    "PET": ("PET foam core",),
+    "phenolic": ("phenolic foam",),
+    "flexible PU foam": ("flexible PU foam", "rigid PU foam"),
+}
+
+
+def row_by_numbers(
+    row: Material, table: MaterialTable, numbers: Sequence[Quantity], stiffness: int | None
+) -> Material:
+    """The row of a plastic's foam where its density says so, and of silicone by its hardness."""
+    said = {number.measure: number.value for number in numbers}
+    light = said.get("rho", math.inf) < row.rho.min / BESIDE or (stiffness or 0) > 3
+    if row.name in FOAMED and "rho" in said and light:
+        return table.exact(FOAMED[row.name][-1 if (stiffness or 0) > 3 else 0])
+    if row.name.startswith("silicone rubber") and "shore_a" in said:
+        grades = (other for other in table if other.name.startswith("silicone Shore A"))
+        degree = f"A{round(said['shore_a'], -1):.0f}"
+        return next((grade for grade in grades if grade.name.endswith(degree)), row)
+    return row
 
 
 def rubber_of(rows: Sequence[Material], numbers: Sequence[Quantity]) -> Material | None:
@@ -306,8 +344,8 @@ def numbers_of_parts(options: Sequence[str]) -> dict[str, dict[str, float]]:
             numbers = {key.strip(): float(value) for key, _, value in items}
         except ValueError as error:
             raise UsageError("numbers.wanted_numbers", option=option, error=error) from error
-        for key, (low, high) in SETTABLE.items():
-            if key in numbers and not low < numbers[key] < high:
-                raise UsageError("numbers.must_lie", key=key, low=low, high=high, option=option)
+        for field, (low, high) in SETTABLE.items():
+            if field in numbers and not low < numbers[field] < high:
+                raise UsageError("numbers.must_lie", key=field, low=low, high=high, option=option)
         found.setdefault(name.strip(), {}).update(numbers)
     return found

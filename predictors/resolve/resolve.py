@@ -27,6 +27,7 @@ from ...fem.table import (
     MaterialValue,
     Span,
     key,
+    load_bulks,
     load_contents,
     load_table,
 )
@@ -41,7 +42,7 @@ from ..text.english import words
 from ..text.numerals import Comparison, Measure, Quantity
 from ..text.parts import LISTS, STRUCTURE, NamedPart, parts_called, stem, vocabulary_of
 from ..text.reader import parse
-from .numbers import as_stated, may_have, rubber_of, with_numbers
+from .numbers import as_stated, may_have, row_by_numbers, rubber_of, with_numbers
 from .similarity import RowKernel
 
 _WHOLE = Subject("whole")
@@ -154,7 +155,19 @@ class Lookup:
         sentence = bound.sentence
         told = {line for part in bound.parts for k in part.clauses
                 for line in sentence.clauses[k].doubts}  # fmt: skip
-        warnings = [note for note in (*sentence.notes, *_unread(sentence)) if note not in told]
+        named = [any(sentence.clauses[k].material and how not in GENERAL
+                     for k, how in zip(part.clauses, part.how, strict=True))
+                 for part in bound.parts]  # fmt: skip
+        warnings = (*sentence.notes, *_unread(sentence, idle=all(named)))
+        warnings = [note for note in warnings if note not in told]
+        # A matter or a number by itself behind what is said of parts, which it may change
+        for k in bound.unbound:
+            clause, before = sentence.clauses[k], sentence.clauses[k - 1] if k else None
+            says = clause.subject.scope == "none" and (clause.material or clause.numbers)
+            between = sentence.text[before.span[1] : clause.span[0]] if before else "."
+            of = [p.name for p, b in zip(parts, bound.parts, strict=True) if k - 1 in b.clauses]
+            if says and of and not re.search(r"[.;\n]\s", between):
+                warnings.append(_of_parts(Note("reader.beside_left", word=clause.text), of))
         lost = {k for k in bound.unbound if sentence.clauses[k].says_matter}
         whole = {
             (i, k)
@@ -204,23 +217,26 @@ class Lookup:
 
 def _grouped(lines: Sequence[str]) -> tuple[str, ...]:
     """Lines that say the same of several parts as one."""
-    parts: dict[str, list[str]] = {}  # what is said -> the parts that it is said of
+    out: dict[str, list[str]] = {}  # what is said -> the parts that it is said of
     for line in dict.fromkeys(lines):
-        found = re.fullmatch(r"part ('[^']*'): (.*)", line) if type(line) is str else None
-        parts.setdefault(found[2] if found else line, []).extend([found[1]] if found else [])
-    return tuple(
-        f"part{'s' * (len(of) > 1)} {', '.join(of)}: {said}" if of else said
-        for said, of in parts.items()
-    )
+        told = line.values if isinstance(line, Note) and line.kind == "resolve.of_part" else {}
+        out.setdefault(told.get("said", line), []).extend(told.get("names", ()))
+    return tuple(_of_parts(said, names) if names else said for said, names in out.items())
 
 
-def _unread(sentence: Sentence) -> Iterator[str]:
-    """What no clause took and none tells of."""
+def _of_parts(said: str, names: Sequence[str]) -> Note:
+    """What is ``said`` of the parts of these names."""
+    parts = f"part{'s' * (len(names) > 1)} {', '.join(map(repr, names))}"
+    return Note("resolve.of_part", parts=parts, names=tuple(names), said=said)
+
+
+def _unread(sentence: Sentence, *, idle: bool = False) -> Iterator[str]:
+    """What no clause took and none tells of; ``idle`` where every part has its own matter."""
     noted = {*sentence.notes, *(line for clause in sentence.clauses for line in clause.doubts)}
     left = [word for word in sentence.unread if not any(repr(word) in line for line in noted)]
     if left:
         words = ", ".join(map(repr, left))
-        yield Note("resolve.understood_text", words=words)
+        yield Note("resolve.idle_text" if idle else "resolve.understood_text", words=words)
 
 
 def _index(name: str, parts: Sequence[NamedPart]) -> int:
@@ -570,6 +586,15 @@ class Decider:
         ``volume`` [m^3] is that of all parts of which the same is said.
         """
         choice = self._row_of(part, statement)
+        row = row_by_numbers(
+            choice.row, self.table, statement.numbers, statement.first("stiffness")
+        )
+        bulk, heaped = load_bulks().get(row.name), []
+        # A body far thicker than a leaf is of many: within a leaf's depth lies less than half of it
+        if bulk and within and within(bulk.piece) < 0.5:
+            heaped = [Note("resolve.bulk", name=row.name, piece=1e3 * bulk.piece, bulk=bulk.name)]
+            row = self.table.exact(bulk.name)
+        choice = replace(choice, row=row)
         if statement.override:
             choice = replace(choice, why=f"override: {statement.override!r}", settled=True)
         # E and rho where they are said to be: in the row's range, or absolutely
@@ -599,7 +624,7 @@ class Decider:
             blend=statement.first("blend"), volume=volume, within=within,
             named=statement.naming is not None,
         )  # fmt: skip
-        derivation = (*swims, *derivation)
+        derivation = (*heaped, *swims, *derivation)
         choice = replace(choice, value=value, derivation=derivation, exact=exact)
         if derivation and not statement.open:
             choice = replace(choice, settled=True)
@@ -613,9 +638,8 @@ class Decider:
             both, left = " and ".join(map(repr, named)), ", ".join(map(repr, others))
             said = {"name": part.name, "named": both, "first": first, "others": left}
             notes.append(Note("resolve.part_text", **said))
-        notes += [
-            f"part {part.name!r}: {doubt}" for doubt in dict.fromkeys(statement.all("doubts"))
-        ]
+        doubts = dict.fromkeys(statement.all("doubts"))
+        notes += [_of_parts(doubt, [part.name]) for doubt in doubts]
         return replace(choice, unknown=statement.unknown), (*notes, *warnings)
 
     def of_clause(self, part: str, clause: Clause, why: str) -> PartChoice:
@@ -664,7 +688,7 @@ class Decider:
             doubts = _kind_taken(part, statement, label)
             if statement.whole and naming and naming.material != label.name:
                 wins = Note("resolve.name_wins", name=label.name, material=naming.material)
-                doubts = (*doubts, f"part {part.name!r}: {wins}")
+                doubts = (*doubts, _of_parts(wins, [part.name]))
             known = statement.unknown is None
             return _choice(part, label, why, clause=deciding, settled=known, doubts=doubts)
         coating = statement.first("coating")
@@ -674,7 +698,8 @@ class Decider:
             return _choice(
                 part, row, Note("resolve.covers", coating=coating), guessed=True, doubts=(doubt,)
             )
-        if deciding is None or statement.unknown is not None:
+        level = statement.first("stiffness") or statement.first("density")
+        if deciding is None or (statement.unknown is not None and not level):
             # Choose the row nearest in meaning to the part's name; the common ones if all are far
             query = _query(part, statement)
             common = {self.table.exact(word).name for word in COMMON}

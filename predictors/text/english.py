@@ -6,6 +6,7 @@ import hashlib
 import re
 import sys
 import tomllib
+import unicodedata
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -76,6 +77,12 @@ def words() -> Mapping[str, Any]:
     return tomllib.loads((DATA / "words.toml").read_text(encoding="utf-8"))
 
 
+def bare(word: str) -> str:
+    """A word in small letters without accents: "Füße" -> fusse."""
+    plain = unicodedata.normalize("NFD", word.casefold())
+    return "".join(c for c in plain if not unicodedata.combining(c))
+
+
 def is_glue(text: str, sign: Atom) -> bool:
     """Whether a sign stands between words without spaces: "chrome-plated"."""
     around = text[sign.start - 1 : sign.end + 1] if sign.start else " "
@@ -127,6 +134,10 @@ class LanguageModel:
             for kind in set(kinds) & set(self._rules)
             for base in self._bases(word, kind)
         )
+
+    def is_noun(self, word: str) -> bool:
+        """Whether a lower-case word is a noun, and no colour or participle that is one too."""
+        return self.is_word(word, ("noun",)) and not self.is_word(word, ("adj",))
 
     def singular(self, word: str, known: Collection[str] = ()) -> str:
         """Return the singular of a lower-case noun: "knives" -> "knife", "glass" -> "glass".

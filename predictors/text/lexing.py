@@ -47,19 +47,17 @@ class Lexed:
 def lex(text: str, lexicon: ReaderLexicon, names: Sequence[str]) -> Lexed:
     """Cut a text into lexemes and tag them."""
     known = {word for name in names for word in part_name_words(name)}
-    head = text.partition("\n")[0]
-    if head.count(",") and _HEADED.search(head):  # a table with commas between its columns
-        text = re.sub(r",(?!\s)", "|", text)
-    for rule in words()["rewrites"]:  # what stands for a word is written by it, in as many letters
-        width = lambda m, to=rule["to"]: m.expand(to).ljust(len(m[0]))[: len(m[0])]  # noqa: E731
-        text = re.sub(rule["find"], width, text)
+    text = rewritten(text)
     # What stands around a matter; "quenched and tempered" stays of the row that is called so
     ignored = [m for pattern in _IGNORED for m in pattern.finditer(text)]
     plain = atoms(text, lexicon.model, known) if ignored else []
     rows = named_materials(text, plain, lexicon, known, several=len(names) > 1) if plain else []
     rows = [x for x in rows if x.words in lexicon.rows]
+    own = [m.span() for name in names for m in re.finditer(re.escape(name), text)]
     for m in ignored:
-        if not any(x.start <= m.start() and m.end() <= x.end and x.text != m[0] for x in rows):
+        if not any(a < m.end() and m.start() < b for a, b in own) and not any(
+            x.start <= m.start() and m.end() <= x.end and x.text != m[0] for x in rows
+        ):
             text = text[: m.start()] + " " * len(m[0]) + text[m.end() :]
     text = re.sub(r"\(\s*\)", lambda m: " " * len(m[0]), text)  # "modulus (ISO 527) 2000 MPa"
     text, loads = without_loads(text)
@@ -113,17 +111,24 @@ def lex(text: str, lexicon: ReaderLexicon, names: Sequence[str]) -> Lexed:
     lexemes = [
         replace(
             x, tag=token.tag_, dep=token.dep_,
-            note=x.note or "; ".join(n for at, n in mended.items() if x.start <= at < x.end),
+            note=x.note or next((n for at, n in mended.items() if x.start <= at < x.end), ""),
         )
         for x, token in zip(lexemes, lexicon.model.doc(shown) if shown else (), strict=True)
     ]  # fmt: skip
     return Lexed(lexemes, [*loads, *notes])
 
 
+def rewritten(text: str) -> str:
+    """The text with what stands for other words written by them, in as many letters."""
+    for rule in words()["rewrites"]:
+        width = lambda m, to=rule["to"]: m.expand(to).ljust(len(m[0]))[: len(m[0])]  # noqa: E731
+        text = re.sub(rule["find"], width, text)
+    return text
+
+
 # Loads that a text speaks of: its words set none, so that they are told with what does.
 
 _LOADS = re.compile(words()["loads"]["pattern"], re.VERBOSE)
-_HEADED = re.compile(r"(?i)(?<!\w)(?:material|mat|werkstoff|matériau|part|part name|bauteil)(?!\w)")
 _CODED = re.compile(r"(?=.*\d)(?=.*[A-Za-z])[^\s%]{3,}")
 _UNIT = re.compile(r" ?(?:[kMG]?Pa|psi|ksi|k?g/|N/)")
 _IGNORED = [re.compile(rf"(?<![\w.])(?:{each})(?!\w)") for each in words()["ignored"]["patterns"]]
@@ -174,12 +179,12 @@ def _mended_spelling(
         near = None if glued else _nearest(cut[i], lexicon, known)
         if near:
             mended[i] = cut[i]._replace(stem=near, text=near)
-            notes[cut[i].start] = f"read {cut[i].text!r} as {near!r}"
+            notes[cut[i].start] = Note("lexing.spelt", word=cut[i].text, near=near)
     for i, (atom, after) in enumerate(pairwise(mended)):  # "caste iron"
         near = None if atom.stem in known else _near_phrase(atom, after, lexicon)
         if near:
             mended[i] = atom._replace(stem=near, text=near)
-            notes[atom.start] = f"read {atom.text!r} as {near!r}"
+            notes[atom.start] = Note("lexing.spelt", word=atom.text, near=near)
     left = [i for i in odd if mended[i] is cut[i]]
     strange = {cut[i].start for i in left}
     long = sum(atom.text.isalpha() and len(atom.text) >= SHORTEST_MENDED for atom in cut)
@@ -408,13 +413,30 @@ def one_of(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
     out: list[Lexeme] = []
     for lexeme in lexemes:
         either = [x.text.lower() for x in out[-1:]] in (["or"], ["and/or"])
-        first = out[-2] if either and len(out) > 1 else None
+        before = [x for x in out[:-1] if x.role != "open" and not x.part]  # "ash legs (or oak)"
+        first = before[-1] if either and before else None
         if first and first.role == lexeme.role == "material" and first.value is not lexeme.value:
             note = Note("lexing.one_of", first=first.text, second=lexeme.text)
-            out[-2:] = [replace(first, note=note)]
+            out[out.index(first)] = replace(first, note=note)
+            out.pop()
         else:
             out.append(lexeme)
     return out
+
+
+# Roles of what may stand beside a name in brackets: "(Ti-6Al-4V, ASTM F136)".
+_CALLING = (
+    "material",
+    "word",
+    "digits",
+    "sign",
+    "comma",
+    "told",
+    "size",
+    "hyphen",
+    "empty",
+    "idle",
+)
 
 
 def same_again(lexemes: Sequence[Lexeme], lexicon: ReaderLexicon) -> list[Lexeme]:
@@ -430,7 +452,7 @@ def same_again(lexemes: Sequence[Lexeme], lexicon: ReaderLexicon) -> list[Lexeme
         if first.role != "material" or end == at or lexemes[at].role != "open":
             continue
         rows = [x for x in inside if x.role == "material"]
-        others = any(x.part or x.role in ("number", "is", "of", "with") for x in inside)
+        others = any(x.part or x.role not in _CALLING for x in inside)
         if len(rows) == 1 and not others and not first.part:
             (second,) = rows
             mixed = any(isinstance(x.value, Blend) for x in out[-3:])  # "glass-filled PA (PA-GF30)"
@@ -439,6 +461,7 @@ def same_again(lexemes: Sequence[Lexeme], lexicon: ReaderLexicon) -> list[Lexeme
                 out[-1] = replace(first, value=second.value)
             elif first.value.category != second.value.category:
                 continue
+            out[-1] = replace(out[-1], end=lexemes[end].end)
             at = end + 1
     return out
 

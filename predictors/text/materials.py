@@ -13,7 +13,18 @@ from functools import cached_property, lru_cache
 from typing import Any, NamedTuple
 
 from ...fem.table import Material, MaterialTable, load_contents
-from .english import ATOM, DATA, Atom, LanguageModel, Lexeme, Phrase, is_glue, load_model, words
+from .english import (
+    ATOM,
+    DATA,
+    Atom,
+    LanguageModel,
+    Lexeme,
+    Phrase,
+    bare,
+    is_glue,
+    load_model,
+    words,
+)
 from .parts import part_words
 
 NEAREST = 3  # rows that are named beside an unknown material
@@ -274,7 +285,8 @@ def _material(
         end += 1
     run = cut[i:end]
     stems: Phrase = tuple(a.stem for a in run if a.text[0].isalnum())
-    row = lexicon.rows.get(stems) or (None if known & {*stems} else lexicon.turned.get(stems))
+    row = lexicon.rows.get(stems) or lexicon.rows.get(tuple(map(bare, stems)))
+    row = row or (None if known & {*stems} else lexicon.turned.get(stems))
     if any(a.text == "," for a in run) and stems not in lexicon.listed:
         return None  # "rubber sole, leather upper" is no sole leather
     if not row:
@@ -289,6 +301,10 @@ def _material(
         return None
     opens = i == 0 or cut[i - 1].text in "|;,\n"  # "spring steel" of a spring, "| saddle leather"
     divided = opens and run[0].stem in listed and stems[1:] in lexicon.rows
+    states = {*words()["states"]["words"], *words()["conditions"]["words"]}
+    divided = divided or (
+        len(stems) > 1 and stems[0] in known and {*stems[1:]} <= states
+    )  # "spaghetti, dry"
     if divided and listed & {atom.stem for atom in cut if atom not in run}:
         return None  # one of a list of parts
     note = words()["confused"].get(text[start:stop].lower(), "")

@@ -38,6 +38,7 @@ from .lexing import (
 from .materials import SHORT, ReaderLexicon, lexicon_of
 from .numerals import Blend, Comparison, Quantity, counted_by
 from .parts import known_parts, part_words, places
+from .tables import without_tables
 
 LONGEST = 4000  # characters: a page of notes; a book is a mistake
 _GROUPED = (
@@ -57,7 +58,7 @@ def parse(text: str, table: MaterialTable, names: Sequence[str] = ()) -> Sentenc
     """
     if len(text) > LONGEST:
         raise UsageError("reader.text_characters", count=len(text), longest=LONGEST)
-    lexicon = lexicon_of(table)
+    lexicon, text = lexicon_of(table), without_tables(text)
     lexed = lex(text, lexicon, names)
     lexed.lexemes = point_back(one_of(lone_grades(bare_numbers(lexed.lexemes))))
     lexed.lexemes = same_again(lexed.lexemes, lexicon)
@@ -72,11 +73,26 @@ def parse(text: str, table: MaterialTable, names: Sequence[str] = ()) -> Sentenc
     settle(drafts, lexed)
     unread = unread_lexemes(drafts, lexed, cascade.dropped)
     tell(unread, drafts, lexed.lexemes)
+    clauses = tuple(clause_of(text, draft, lexicon) for draft in drafts)
+    notes = dict.fromkeys([*lexed.notes, *(x.note for x in lexed.lexemes if x.note)])
+    # What is of none: "it only looks like marble"
+    told = [*notes, *(doubt for clause in clauses for doubt in clause.doubts)]
+    told = " ".join([*map(str, told), *(x.text for x in unread)]).lower()
+    states = {*words()["states"]["words"]}
+    aside = [
+        x.text for x in lexed.lexemes
+        if (x.role == "material" or not x.known or x.text.lower() in states) and not x.part
+        and not any(a <= x.start < b for a, b in (clause.span for clause in clauses))
+        and x.text.lower() not in told
+    ]  # fmt: skip
+    if aside:
+        said = ", ".join(map(repr, dict.fromkeys(aside)))
+        notes[Note("reader.aside", words=said)] = None
     return Sentence(
         text,
-        tuple(clause_of(text, draft, lexicon) for draft in drafts),
+        clauses,
         tuple(x.text for x in unread),
-        tuple(dict.fromkeys([*lexed.notes, *(x.note for x in lexed.lexemes if x.note)])),
+        tuple(notes),
         _first_phrase(lexed.lexemes, {*grammar()["signs"], "sign"} - {"word"}),
     )
 
@@ -304,6 +320,9 @@ def _more(cascade: Cascade, head: Draft, other: Draft) -> None:
 
 def _fill(cascade: Cascade, head: Draft, other: Draft) -> None:
     row = other.material.name if other.material else None
+    inner = {name[-1] for name in head.names if name} & {*words()["containers"]["inside"]}
+    if inner and head.material is None:  # "the inside is full of sand"
+        head.material, head.phrase = other.material, other.phrase
     head.filling = cascade.lexicon.contents_called(other.said) or row or head.filling
 
 
@@ -373,6 +392,8 @@ _GUARDS: dict[str, Callable[[Cascade, Draft, Draft], bool]] = {
 _SAYING = ("material", "level", "number", "unknown")
 # Roles of words that a part may be called by all the same: "cover", "core", "body".
 _SMALL = "character empty attributes coating idle look factors fill vague coat".split()
+# Roles that a part's name does not take from a word.
+_OWN = ("material", "number", "part", "digits", "compare", "hyphen", "sign", "told", "size")
 Kind = Literal["part", "modifier", "material", "level", "number", "coating", "filling", "unknown",
                "left", "kin"]  # fmt: skip
 
@@ -459,12 +480,13 @@ def _mentions(run: list[Lexeme], *, owes: bool) -> list[Mention]:
     out: list[Mention] = []
     degree, fake = "", False
     for i, lexeme in enumerate(run):
-        small = lexeme.part or (len(lexeme.words) == 1 and {*lexeme.words} & places())
-        role = "word" if small and lexeme.role in _SMALL else lexeme.role
+        place = len(lexeme.words) == 1 and {*lexeme.words} & places() and lexeme.role in _SMALL
+        called = lexeme.part and lexeme.role not in _OWN
+        role = "word" if place or called else lexeme.role
         if role == "degree":
             degree = lexeme.value
-        elif role == "fake":
-            fake = True
+        elif role == "fake" or (role == "look" and not out and _is_material(run[i + 1 : i + 2])):
+            fake = True  # "imitation ivory"
         elif role == "material" and lexeme.names and len(lexeme.words) > 1:
             # "cardboard box" of a part "box", "spring steel" of a spring: the phrase names the
             # matter, one word of it the part.
@@ -486,7 +508,9 @@ def _mentions(run: list[Lexeme], *, owes: bool) -> list[Mention]:
             # It turns the material before it into what it is there for, or goes: "powder-coated"
             last = out[-1] if out else None
             if last and last.kind == "material":
-                if role != "coat" or len(out) == 1 or i + 1 < len(run):
+                before = any(m.kind == "material" for m in out[:-1])  # "CuSn6 gold plated"
+                bears = {*lexeme.words} & {*words()["implied"]}  # "laiton chromé": on brass
+                if not bears and (role != "coat" or len(out) == 1 or before or i + 1 < len(run)):
                     out[-1] = replace(last, kind="filling" if role == "fill" else "coating")
             elif last and not last.says and not last.lexeme.part:
                 if lexeme.start - last.lexeme.end <= 1:
@@ -520,6 +544,10 @@ def _mentions(run: list[Lexeme], *, owes: bool) -> list[Mention]:
         elif role == "empty" and not any(m.kind in _SAYING for m in out[-2:]):
             out.append(Mention("part" if i + 1 == len(run) else "modifier", lexeme))
     return out
+
+
+def _is_material(lexemes: Sequence[Lexeme]) -> bool:
+    return any(x.role == "material" for x in lexemes)
 
 
 def _word(lexeme: Lexeme, run: list[Lexeme], i: int) -> Mention:
@@ -588,6 +616,9 @@ _BEFORE = 30  # letters before a matter that may hold its state: "rusty galvanis
 _HEDGE = re.compile(
     r"(?i)\b(?:might be|may be|maybe|perhaps|possibly|probably|presumably|not sure|unsure|i think"
     r"|i guess|t\.?b\.?[cd]\b|to be confirmed)"
+)
+_OPEN = re.compile(
+    r"(?i)\b(?:nobody knows|no one knows|unclear|undecided|disputed|conflicting|which is right)"
 )
 _LISTS = ("character", "numbers", "comparisons")  # fields that a clause has from its draft
 _SAME = ("phrase", "kind", "coating", "filling", "blend")
@@ -822,18 +853,35 @@ def clause_of(text: str, draft: Draft, lexicon: ReaderLexicon) -> Clause:
     meant = lexicon.meant(draft.unknown.lower()) if not (draft.material or liquid) else ()
     if meant and len(draft.unknown) > SHORT:
         draft.material, draft.phrase = lexicon.rows[meant], meant[0]
-        draft.notes.append(f"read {draft.unknown!r} as {meant[0]!r}")
-    heads, fired = {name[-1] for name in names}, words()["fired"]
-    if draft.phrase.lower() in fired and heads & {*fired["things"]}:
-        draft.material = lexicon.first_row([fired[draft.phrase.lower()]]) or draft.material
+        draft.notes.append(Note("lexing.spelt", word=draft.unknown, near=meant[0]))
+    heads, low = {name[-1] for name in names}, {*re.findall(r"[^\W\d_]+", text.lower())}
+    for sense in words()["sense"]:
+        near = heads & {*sense.get("things", ())} or low & {*sense.get("text", ())}
+        if draft.material and near and draft.phrase.lower() == sense["word"]:
+            draft.material = lexicon.first_row([sense["row"]]) or draft.material
     # What of a draft was guessed or left out
-    strange = (
+    strange = [
         x.text for x in draft.lexemes
         if x.role == "word" and not (x.known or x.part or x.text in draft.unknown)
         and not x.text.endswith("ed")  # a treatment that no dictionary has: "rotomoulded"
-    )  # fmt: skip
-    left = [*draft.left, *(strange if draft.material else ())]
+    ]  # fmt: skip
+    left = [*draft.left, *strange * bool(draft.material)]
+    # Beside a matter by its own name a code, a brand or a treatment changes nothing; not so where
+    # that name was mended, or is a family's with the word before it: "brondium alloy"
+    mended = any(getattr(x.note, "kind", "") == "lexing.spelt" for x in draft.lexemes)
+    row = None if draft.kind or mended else draft.material
+    head = draft.phrase if row and not row.grade and " " not in draft.phrase else ""
+    idle = [
+        word for word in left
+        if row and not lexicon.rows.get(lexicon.phrase(word))
+        and not (head and word.isalpha() and re.search(rf"{word}[ -]{re.escape(head)}", text))
+        and word not in words()["states"]["words"] and not lexicon.model.is_noun(word.lower())
+    ]  # fmt: skip
+    left = [word for word in left if word not in idle]
     told = [Note("reader.beside_left", word=word) for word in left]
+    if idle:
+        said = ", ".join(map(repr, dict.fromkeys(idle)))
+        told.append(Note("reader.beside_idle", words=said, phrase=draft.phrase))
     if draft.material:
         states = {*words()["states"]["words"]} - lexicon.row_words(draft.material)
         at = next((x.start for x in draft.lexemes if x.text == draft.phrase), 0)
@@ -841,9 +889,8 @@ def clause_of(text: str, draft: Draft, lexicon: ReaderLexicon) -> Clause:
         stands = r"\b[ ,]+(?!rolled|dip|forged|worked|formed|pressed)(?:\w+ )?$"
         said = [word for word in sorted(states) if re.search(rf"\b{word}{stands}", before)]
         told += [Note("reader.used_values", word=word, phrase=draft.phrase) for word in said]
-    hedge = _HEDGE.search(re.split(r"[;.\n]", text[end:])[0][:_BEFORE]) or _HEDGE.search(
-        text[start:end]
-    )
+    after = re.split(r"[;.\n]", text[end:])[0]
+    hedge = _HEDGE.search(after[:_BEFORE]) or _HEDGE.search(text[start:end]) or _OPEN.search(after)
     if draft.material and hedge:
         told.append(Note("reader.unsure", hedge=hedge[0].strip(), phrase=draft.phrase))
     noted = [x.note for x in draft.lexemes if x.note]

@@ -109,7 +109,7 @@ def voxelise(asset: Asset, name: str, source: str) -> RealObject:
     nearest: Any = distance_transform_edt(~shell, return_distances=False, return_indices=True)
     label = np.where(inside, label[tuple(nearest)], EMPTY).astype(np.uint8)
     cells = np.argwhere(inside)
-    seen = cell_appearance(asset, lo + (cells + 0.5) * h, turned=True)
+    seen, _ = cell_appearance(asset, lo + (cells + 0.5) * h, turned=True)
     looks = _measured(cells, seen, label[inside], len(slots))
     return RealObject(
         name, source, label, tuple(slots), np.array(colours), looks=looks,

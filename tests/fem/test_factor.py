@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from autophyx_tet.fem.device import start_warp
-from autophyx_tet.fem.elements import assembly
+from autophyx_tet.fem.elements import elastic
 from autophyx_tet.fem.elements.assembly import BlockMatrix, discretise, stiffness
 from autophyx_tet.fem.linalg import cholesky as elimination
 from autophyx_tet.fem.linalg import cholesky as factor
@@ -167,9 +167,9 @@ def test_statics_of_two_loads_factor_once(monkeypatch):
 
 def test_two_weights_of_one_body_make_its_stiffness_once(monkeypatch):
     """Twice the density is twice the answer by the very same matrix; another E or nu is not."""
-    made, make = [], assembly.linear_stiffness
-    monkeypatch.setattr(assembly, "linear_stiffness", lambda *a: made.append(a) or make(*a))
-    monkeypatch.setattr(assembly, "_RECENT_STIFFNESS", [])
+    made, make = [], elastic.linear_stiffness
+    monkeypatch.setattr(elastic, "linear_stiffness", lambda *a: made.append(a) or make(*a))
+    monkeypatch.setattr(elastic, "_RECENT_STIFFNESS", [])
     base = box_mesh((1, 0.2, 0.2), (6, 2, 2))
     held = Supports.clamp(len(base.points), base.points[:, 0] == 0)
     taken = ({}, {"rho": 2e3}, {"E": 2e6}, {"nu": 0.2})

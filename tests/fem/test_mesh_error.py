@@ -16,7 +16,7 @@ from autophyx_tet.fem.scene.loads import resultant, spread_force
 from autophyx_tet.fem.scene.scene import Scene
 from autophyx_tet.fem.scene.supports import Supports
 from autophyx_tet.fem.solve.equilibrium import StaticMethod
-from autophyx_tet.fem.solve.mesh_error import wedge_exponent
+from autophyx_tet.fem.solve.mesh_error import wedge_exponents
 from autophyx_tet.fem.solve.modal import ModalMethod
 from autophyx_tet.fem.solve.refinement import bisected, largest_error, refine_scene
 from autophyx_tet.fem.solve.result import SAFETY
@@ -134,7 +134,8 @@ def test_along_the_grain():
     ],
 )
 def test_exponents_of_corners(angle, held, exponent):
-    assert wedge_exponent(angle, 0.3, held=held) == pytest.approx(exponent, abs=5e-4)
+    found = wedge_exponents(np.array([float(angle)]), np.array([0.3]), np.array([held]))
+    assert found == pytest.approx(exponent, abs=5e-4)
 
 
 def test_an_inner_corner_is_named_where_it_is():
@@ -175,7 +176,7 @@ def test_a_tet_alone():
     mesh = with_uniform(TetMesh.oriented(points, [[0, 1, 2, 3]]), E=1e6, nu=0.3, rho=1000.0)
     held = Supports.clamp(4, points[:, 2] < 1e-9)
     scene = Scene(mesh=mesh, supports=held, gravity_vector=(0, 0, -9.81))
-    one, fine = rest(scene), rest(finer(scene, 4))
+    one, fine = rest(scene), rest(finer(scene, 3))
     error = abs(fine.max_displacement / one.max_displacement - 1)
     told = one.discretisation_error
     assert 0.5 < told.value / error < 2
@@ -191,6 +192,7 @@ def test_the_frequency_of_a_beam():
     assert np.isnan(ModalMethod().solve(scene, order=1).error)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("size", "cells", "axis", "moves", "nu", "before"),
     [
@@ -244,6 +246,7 @@ def test_a_cut_mesh_is_the_same_body():
         scene = cut
 
 
+@pytest.mark.slow
 def test_it_is_refined_until_the_error_is_small():
     scene = beam((5, 1, 1))
     goal = 0.02

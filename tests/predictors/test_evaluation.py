@@ -257,7 +257,7 @@ def test_a_row_is_one_entry(monkeypatch):
         evaluate_held_out(HeldOutSet("procedural"), ("truth",))
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_reading_clauses_helps_the_baselines():
     """On held-out objects the mean of what is said is nearer than a constant, and looks so."""
     asked = evaluate_held_out(HeldOutSet("procedural", objects=12, cells=32), BASELINES, renders=4)

@@ -38,6 +38,7 @@ def is_right(parts, text, expected):
     return all(w == "*" or row is TABLE.exact(w) for w, row in zip(wanted, found, strict=True))
 
 
+@pytest.mark.slow
 def test_each_word_goes_to_the_part_it_names():
     for parts, text, expected in TUNED:
         assert is_right(parts, text, expected), (parts, text)
@@ -49,7 +50,7 @@ def test_held_out_phrasings():
     assert len(right) >= 17
 
 
-@pytest.mark.parametrize("every", [60, pytest.param(7, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("every", [60, pytest.param(7, marks=pytest.mark.long)])
 def test_a_bare_material_word_gives_the_table_value(every):
     """To 1e-6, for names and aliases, alone or before any noun."""
     for row in TABLE.rows[::every]:

@@ -10,7 +10,7 @@ from autophyx_tet.fem.table import load_table
 from autophyx_tet.predictors.resolve.resolve import Lookup
 from autophyx_tet.predictors.text.clauses import bind
 from autophyx_tet.predictors.text.reader import parse
-from autophyx_tet.toolkit.options import AssignOptions
+from autophyx_tet.toolkit.options import AssignOptions, ConvertOptions
 
 pytestmark = pytest.mark.blockers
 
@@ -84,9 +84,9 @@ def row_of(text: str, part: str) -> str:
 
 @pytest.mark.slow
 def test_a_row_that_is_the_text_wins_over_every_word_of_it_that_names_the_part():
-    """``spring_clip.stl`` with "spring steel" is spring steel; so of every third phrase."""
+    """``spring_clip.stl`` with "spring steel" is spring steel; so of every sixth phrase."""
     assert row_of("spring steel", "spring_clip") == "spring steel"
-    parts = {(phrase, f"{word}_clip") for phrase in PLAIN[::3] for word in phrase.split()}
+    parts = {(phrase, f"{word}_clip") for phrase in PLAIN[::6] for word in phrase.split()}
     found = {(phrase, part): row_of(phrase, part) for phrase, part in parts}
     assert {pair: row for pair, row in found.items() if row != TABLE.phrases[pair[0]].name} == {}
 
@@ -136,11 +136,12 @@ def test_what_is_told_of_an_unknown_word_is_what_the_mesh_holds(tmp_path):
     assert read_as_unknown >= 5  # or the loop above looked at no such line
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_run_records_an_unknown_word_as_a_guess(tmp_path):
     """``run.json`` of a box of "xyzzy": the material that the warning names, and a guess."""
     trimesh.creation.box((0.1, 0.1, 0.1)).export(tmp_path / "box.stl")
-    apx.run(tmp_path / "box.stl", ["the unobtainium is xyzzy"], output=tmp_path / "out")
+    known = {"output": tmp_path / "out", "convert_options": ConvertOptions(edge_length_rel=0.3)}
+    apx.run(tmp_path / "box.stl", ["the unobtainium is xyzzy"], **known)
     document = json.loads((tmp_path / "out" / "run.json").read_text())
     (case,) = document["cases"]
     (part,) = case["parts"]

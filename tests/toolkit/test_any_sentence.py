@@ -12,7 +12,7 @@ from autophyx_tet.fem.errors import AutophyxError
 from autophyx_tet.fem.mesh import TetMesh, box_mesh
 from autophyx_tet.fem.table import load_table
 from autophyx_tet.predictors.asset import Asset, Part
-from autophyx_tet.predictors.film.inference import FilmModel
+from autophyx_tet.predictors.film.predictor import FilmModel
 
 from .command import run_here
 
@@ -72,6 +72,7 @@ def any_answer(monkeypatch):
     monkeypatch.setattr(FilmModel, "_run", run)
 
 
+@pytest.mark.slow
 @pytest.mark.blockers
 @pytest.mark.usefixtures("any_answer")
 @pytest.mark.parametrize(
@@ -93,10 +94,10 @@ def test_a_material_is_one_of_the_table_however_it_is_written(text, part):
 @pytest.mark.blockers
 @pytest.mark.usefixtures("any_answer")
 def test_no_sentence_of_any_set_is_refused(root):
-    """A third of them: all take five minutes."""
+    """Every sixth of them: all take five minutes."""
     every = list(sentences(root))
     assert len(every) > 1000
-    found = [refused(text, *names) for text, names in every[::3]]
+    found = [refused(text, *names) for text, names in every[::6]]
     assert not [line for line in found if line]
 
 
@@ -123,7 +124,7 @@ def test_no_name_of_the_table_is_refused():
 def test_no_sentence_ends_the_command_with_exit_code_2(root, tmp_path):
     """A sample of the sets, by the command with its defaults and the asset beside the mesh."""
     codes = {}
-    for text, names in itertools.islice(sentences(root), 0, None, 60):
+    for text, names in itertools.islice(sentences(root), 0, None, 150):
         mesh, asset = thing(*names)
         write_mesh(tmp_path / "thing.msh", mesh)
         scene = trimesh.Scene({part.name: part.mesh for part in asset.parts})

@@ -670,6 +670,7 @@ def test_fbx_with_a_skin_keeps_names_and_its_unit(tmp_path):
 STEP_BOXES = {"post": ((0, 0, 0), (10, 10, 40)), "plate": ((-20, -20, -5), (30, 30, 0))}
 
 
+@pytest.mark.slow
 def test_step_of_two_parts_gives_two_named_parts(tmp_path):
     pytest.importorskip("cascadio")
     path = tmp_path / "part.step"

@@ -91,7 +91,7 @@ def test_dry_run_of_a_lattice_is_within_its_range(option, tmp_path, capsys):
     assert tets["low"] <= len(read_mesh(target).tets) <= tets["high"]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_budget_too_small_for_one_piece_is_refused(tmp_path, capsys):
     """With 4,000 tets a tenth of the demo would come off; with 8,000 leaves hang on by beads."""
     from autophyx_tet.converters.mesh.meshdata import read_mesh

@@ -17,14 +17,14 @@ def dialled(tmp_path, capsys, asset, *options):
     return json.loads(capsys.readouterr().out)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_stool_that_nothing_names_goes_from_soft_to_stiff(tmp_path, capsys):
     """A block of one part: E rises in every case, and with it falls what the weight strains.
 
     A uniform body under its weight moves by u ~ rho / E.
     """
     trimesh.creation.box((0.3, 0.3, 0.4)).export(tmp_path / "thing.obj")
-    sized = ["--size", "0.4", "--up", "z", "--edge-length-rel", "0.25", "--cells", "16"]
+    sized = ["--size", "0.4", "--up", "z", "--edge-length-rel", "0.4", "--cells", "12"]
     found = dialled(tmp_path, capsys, tmp_path / "thing.obj", *sized, "--samples", "4")
     assert [case["alpha"] for case in found["cases"]] == [0.0, 0.5, 1.0]
     (parts,) = zip(*(case["parts"] for case in found["cases"]), strict=True)

@@ -209,7 +209,7 @@ def test_damaged_files_of_many_features(damage):
 
 @pytest.mark.long
 @given(DAMAGE)
-@settings(max_examples=4000, deadline=None)
+@settings(max_examples=1500, deadline=None)
 def test_damaged_files_of_many_features_at_length(damage):
     number, keep, strikes = damage
     suffix, data = RICH[number]
@@ -221,7 +221,7 @@ GUARDED = {".step": writers.step(test_cases.STEP_BOXES).encode(), ".fbx": test_c
 
 @pytest.mark.long
 @given(st.sampled_from(sorted(GUARDED)), DAMAGE)
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=20, deadline=None)
 def test_damaged_files_of_native_readers(suffix, damage):
     """They crash in a process of their own, if they do."""
     _read_or_refuse(Path(f"fuzz{suffix}"), _damaged(GUARDED[suffix], *damage[1:]))
@@ -237,6 +237,7 @@ def _soup(seed: int, points: int, faces: int, size: float = 1.0) -> trimesh.Trim
     return trimesh.Trimesh(where, rng.integers(0, points, (faces, 3)), process=False)
 
 
+@pytest.mark.slow
 @given(SOUPS, st.sampled_from([1e-9, 1.0, 1e9]))
 @settings(max_examples=60, deadline=None)
 def test_soups_are_repaired_or_sheets(soup, size):

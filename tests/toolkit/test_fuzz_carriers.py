@@ -131,7 +131,7 @@ def test_damaged_carriers_and_meshes(tmp_path, damage):
 
 @pytest.mark.long
 @given(DAMAGE)
-@settings(max_examples=1500, deadline=None, suppress_health_check=QUIET)
+@settings(max_examples=600, deadline=None, suppress_health_check=QUIET)
 def test_damaged_carriers_and_meshes_at_length(tmp_path, damage):
     path = tmp_path / f"fuzz{damage[0]}"
     path.write_bytes(_damaged(*damage))

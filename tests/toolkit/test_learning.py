@@ -7,7 +7,7 @@ import pytest
 import tyro
 from autophyx_tet.fem.errors import InputError
 from autophyx_tet.predictors.encoders import minilm
-from autophyx_tet.predictors.unipixie.inference import load_unipixie
+from autophyx_tet.predictors.unipixie.predictor import load_unipixie
 from autophyx_tet.research.learning import train
 from autophyx_tet.research.prepare import build_dataset, build_ranges, show_dataset
 from autophyx_tet.research.training.unipixie import config
@@ -70,7 +70,7 @@ def test_build_and_train(tmp_path):
     assert again["history"] == trained["history"]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_ranges_and_their_network(tmp_path, monkeypatch):
     """`dataset ranges` and `train unipixie-cpu` (shortened) give weights; done is done."""
     monkeypatch.setattr(minilm, "MiniLM", _Letters)

@@ -126,7 +126,18 @@ def test_threads_may_look_at_one_texture_at_once(tmp_path, kind):
 def test_a_run_of_a_large_texture_writes_its_folder(tmp_path):
     """4,096 x 4,096 pixels: picture and report look at them from two threads."""
     path = _textured(tmp_path, _picture(4096, "PNG"), "obj")
-    done = run_here("run", path, "--text", "the box is oak", "--size", 0.1, "-o", tmp_path / "out")
+    done = run_here(
+        "run",
+        path,
+        "--text",
+        "the box is oak",
+        "--size",
+        0.1,
+        "--edge-length-rel",
+        0.3,
+        "-o",
+        tmp_path / "out",
+    )
     assert done.returncode == 0, done.stderr
     assert {"picture.png", "report.html", "run.json"} <= {
         p.name for p in (tmp_path / "out").iterdir()

@@ -20,7 +20,7 @@ from autophyx_tet.toolkit.report.html import (
     report_page,
     write_report,
 )
-from autophyx_tet.toolkit.verdict.verdict import Check, area_words, mass_words, si, volume_words
+from autophyx_tet.toolkit.verdict.check import Check, area_words, mass_words, si, volume_words
 
 HOSTILE = (
     "<script>alert(1)</script>",

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from autophyx_tet.toolkit.cli import terminal
 from autophyx_tet.toolkit.verdict import sentences
-from autophyx_tet.toolkit.verdict.verdict import Check, with_doubts
+from autophyx_tet.toolkit.verdict.check import Check, with_doubts
 
 ADVICE = tomllib.loads(Path(sentences.__file__).with_suffix(".toml").read_text())["advice"]
 

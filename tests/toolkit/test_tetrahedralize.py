@@ -172,15 +172,12 @@ def test_torus_keeps_its_volume_wherever_it_is():
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("body", "volume", "area", "seed"),
-    [
-        (trimesh.creation.box((1, 2, 3)), 6.0, 22.0, 1),
-        (trimesh.creation.icosphere(4), 4 / 3 * np.pi, 4 * np.pi, 2),
-    ],
+    ("body", "seed"),
+    [(trimesh.creation.box((1, 2, 3)), 1), (trimesh.creation.icosphere(2), 2)],
     ids=["box", "ball"],
 )
-def test_volume_and_area_wherever_it_is(body, volume, area, seed):
-    """V and A of a box and a ball within 1 %: turned, moved, scaled, faces and corners shuffled."""
+def test_volume_and_area_wherever_it_is(body, seed):
+    """Those of a box and of a ball of 320 faces to 1 %: turned, moved, scaled, rows shuffled."""
     rng = np.random.default_rng(seed)
     scale = 10 ** rng.uniform(-3, 2)
     turn = trimesh.transformations.random_rotation_matrix(rng.random(3))
@@ -190,10 +187,10 @@ def test_volume_and_area_wherever_it_is(body, volume, area, seed):
     faces = np.argsort(order)[rng.permutation(body.faces)]
     moved = trimesh.Trimesh(body.vertices[order], faces, process=False).apply_transform(turn)
     mesh, _ = converted({"edge_length_rel": 0.1}, body=moved)
-    assert mesh.volume == pytest.approx(volume * scale**3, rel=0.01)
+    assert mesh.volume == pytest.approx(body.volume * scale**3, rel=0.01)
     a, b, c = (mesh.points[mesh.boundary.faces[:, i]] for i in range(3))
     found = np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2
-    assert found == pytest.approx(area * scale**2, rel=0.01)
+    assert found == pytest.approx(body.area * scale**2, rel=0.01)
 
 
 @pytest.mark.slow

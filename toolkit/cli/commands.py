@@ -68,7 +68,7 @@ class ConvertCommand:
         from ..pipeline import convert
 
         if self.dry_run:
-            from ..estimate import plan
+            from ..listing import plan
 
             return plan(self.asset, self.options, output=self.output)
         with terminal.progress(quiet=self.common.quiet) as tell:
@@ -182,7 +182,7 @@ class RunCommand:
         from ..pipeline import run
 
         if self.dry_run:
-            from ..estimate import plan
+            from ..listing import plan
 
             return plan(
                 self.asset,
@@ -363,6 +363,28 @@ class BatchCommand:
 
         with terminal.counted(quiet=self.common.quiet) as tell:
             return batch(**given(self), progress=tell).document()
+
+
+@dataclass(frozen=True)
+class SegmentCommand:
+    """Cut a thing in one piece into regions of like look and shell, as parts with names.
+
+    Example: autophyx-tet segment scan.glb -o parts.glb
+    """
+
+    asset: tyro.conf.Positional[Annotated[Path, tyro.conf.arg(metavar="ASSET")]]
+    """Surface (obj, ply, stl, glb ...), Gaussian splats, point cloud or density grid."""
+    output: Output
+    """File to write: .glb with a part a region, which `convert` and `run` take."""
+    common: Flat[Common] = field(default_factory=Common)
+
+    shown = staticmethod(terminal.segmented)
+
+    def __call__(self) -> dict[str, Any]:
+        """Run the command and return its document."""
+        from ..segment import segment
+
+        return segment(**given(self)).document()
 
 
 @dataclass(frozen=True)

@@ -46,6 +46,7 @@ COMMANDS: Registry[Any] = Registry(
         "transfer": "toolkit.cli.commands:TransferCommand",
         "export": "toolkit.cli.commands:ExportCommand",
         "features": "toolkit.cli.commands:FeaturesCommand",
+        "segment": "toolkit.cli.commands:SegmentCommand",
         "materials": "toolkit.cli.commands:MaterialsCommand",
         "info": "toolkit.cli.commands:InfoCommand",
         "doctor": "toolkit.cli.commands:DoctorCommand",

@@ -13,6 +13,7 @@ from contextlib import contextmanager
 from threading import Event, Thread
 from typing import TYPE_CHECKING, Any
 
+from ...fem.note import severity_of
 from ..options import EXPECTED
 
 if TYPE_CHECKING:
@@ -26,6 +27,11 @@ Shown = Iterator["Table | Text | str"]  # what `show` prints of a document, in o
 
 MATTER = {"E": "E [Pa]", "nu": "nu", "rho": "kg/m³"}
 PARTS = {"name": "part", "material": "material", **MATTER, "mass": "mass [kg]", "why": "because"}
+REGIONS = {
+    "number": "region", "colour": "colour", "fraction": "of the volume", "middle": "around [m]",
+    "part": "part", "material": "material",
+}  # fmt: skip
+REGIONS_SHOWN = 12
 _FRAME = re.compile(r"_(\d{5})(\.\w+)$")  # what frames of a motion are called
 _FORMATS = {"rho": ".4g"}  # of numbers that three digits do not hold
 
@@ -51,13 +57,18 @@ def show(document: Document, lines: Callable[[Document], Shown]) -> None:
     warn(document)
 
 
+# How a line begins and looks, by how much it matters.
+_GRAVITY = {"note": ("note", "dim"), "doubt": ("warning", "yellow"), "error": ("not used", "red")}
+
+
 def warn(document: Document) -> None:
     """Print a document's warnings on stderr."""
     from rich.console import Console
 
     for warning in document.get("warnings", ()):
+        word, style = _GRAVITY[severity_of(warning)]
         Console(stderr=True, highlight=False).print(
-            "warning:", warning, markup=False, style="yellow", soft_wrap=True
+            f"{word}:", warning, markup=False, style=style, soft_wrap=True
         )
 
 
@@ -83,10 +94,24 @@ def conversion(document: Document) -> Shown:
 
 
 def assignment(document: Document) -> Shown:
-    """The materials of the parts, and whether they are usual."""
+    """The materials of the parts and of regions, and whether they are usual."""
     yield _table(document["parts"], PARTS)
+    if rows := document["regions_by_look"]:
+        shown = [
+            row | {"middle": ", ".join(f"{x:.3g}" for x in row["middle"])}
+            for row in rows[:REGIONS_SHOWN]
+        ]
+        yield _table(shown, REGIONS)
+        if len(rows) > len(shown):
+            yield f"{len(rows) - len(shown)} smaller regions: --json"
     yield _size(document)
     yield from _verdicts(document)
+
+
+def segmented(document: Document) -> Shown:
+    """The parts that a thing was cut into."""
+    names = {"name": "part", "fraction": "of the volume", "triangles": "triangles"}
+    yield _table(document["parts"], names)
 
 
 def simulation(document: Document) -> Shown:
@@ -234,8 +259,20 @@ def training(document: Document) -> Shown:
 
 
 def evaluation(document: Document) -> Shown:
-    """A row a predictor."""
-    yield _scores(document["rows"])
+    """A row a predictor; of natural sentences also how often what was said to be sure was right."""
+    if "calibration" not in document:
+        yield _scores(document["rows"])
+        return
+    yield _table(document["rows"], {name: name.replace("_", " ") for name in document["rows"][0]})
+    said = {"said": "said to be right", "right": "was right", "objects": "objects"}
+    yield _table(document["calibration"], said)
+    from ..verdict.checks import percent
+
+    yield (
+        f"{percent(document['clauses_read'])} of the materials were read, "
+        f"{percent(document['foreign'])} of the volume got one of no clause, "
+        f"{document['left_whole']} things were left whole"
+    )
 
 
 def _size(document: Document) -> str:
@@ -245,7 +282,7 @@ def _size(document: Document) -> str:
 
 def _verdicts(document: Document) -> Iterator[str]:
     """What was found, and what to do about it."""
-    from ..verdict.verdict import MARKS
+    from ..verdict.check import MARKS
 
     for found in document["verdicts"]:
         yield " ".join(filter(None, (MARKS[found["mark"]], found["sentence"], found["advice"])))

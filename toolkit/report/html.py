@@ -30,8 +30,7 @@ from ...fem.note import Note
 from ...fem.reduced.model import ReducedModel
 from ...fem.table import Span
 from ...predictors.asset import UpAxis
-from ..verdict.description import PLACES, Acting, Marks
-from ..verdict.verdict import (
+from ..verdict.check import (
     MARKS,
     Check,
     mass_words,
@@ -41,6 +40,7 @@ from ..verdict.verdict import (
     value_words,
     volume_words,
 )
+from ..verdict.description import PLACES, Acting, Marks
 from .picture import PALETTES, PARTS
 
 if TYPE_CHECKING:

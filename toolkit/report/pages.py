@@ -30,13 +30,23 @@ from ...predictors.asset import Asset, UpAxis
 from ..asset.document import SCHEMA, Sidecar, is_guess, now, plain, versions, write_json
 from ..meshing.messages import listed
 from ..meshing.quality import Quality, dihedral_angles, quality
+from ..verdict.assignment import Assignment
+from ..verdict.check import Check, si
 from ..verdict.checks import gives_way, times
 from ..verdict.description import describe, marks, place_rows
 from ..verdict.run import RunResult, Stopwatch
 from ..verdict.simulation import ModalSimulation, Simulation, StaticSimulation
-from ..verdict.verdict import Check, si
 from .html import Case, Fact, Look, PartRow, ReportContent, TouchBody, report_page, write_report
-from .picture import CAPTION, PARTICLES, feature_png, particle_film, render_png, story
+from .picture import (
+    CAPTION,
+    PARTICLES,
+    REGION_CAPTION,
+    feature_png,
+    particle_film,
+    region_png,
+    render_png,
+    story,
+)
 
 log = logging.getLogger(__name__)
 
@@ -103,7 +113,11 @@ def run_page(
             "versions": versions(),
             "seconds": {name: round(value, 2) for name, value in result.seconds.items()},
         },
-        pictures={**(pictures or {}), **_films(result.cases[0].simulation, asset.up)},
+        pictures={
+            **(pictures or {}),
+            **_films(result.cases[0].simulation, asset.up),
+            **_numbered(result.cases[0].assignment, asset.up),
+        },
         made=_made(result.date, sum(result.seconds.values())),
         command=result.command,
         loaded=(("Loaded", loaded), ("Mesh", meshed)),
@@ -163,6 +177,13 @@ def _films(simulation: Simulation, up: UpAxis) -> dict[str, bytes]:
     if simulation.particles is None:
         return {}
     return {PARTICLES: particle_film(simulation.particles, up=up)}
+
+
+def _numbered(body: Assignment, up: UpAxis) -> dict[str, bytes]:
+    """Regions of like look by caption, where the parts were cut into some."""
+    if body.regions is None:
+        return {}
+    return {REGION_CAPTION: region_png(body.regions.number, body.field.grid, up=up)}
 
 
 def _case(

@@ -149,13 +149,13 @@ def standing_modes(scene: Scene, result: SagResult, device: str) -> dict[str, An
     if not result.trusted:
         return {"modes_unmade": Note("checks.no_rest")}
     if not factor_fits(scene.mesh, order=static.order, most=QUICK):
-        return {"modes_unmade": "its elements take too long for that here: --scenario modal"}
+        return {"modes_unmade": Note("checks.modes_too_long")}
     known: Any = {"order": static.order, "rest": static, "device": device}
     known |= {"supports": scene.held, "tractions": scene.tractions}
     try:
         return {"modes": natural_modes(scene.mesh, STANDING_MODES, **known)}
     except (ConvergenceError, InputError) as error:  # or too few unknowns for so many modes
-        return {"modes_unmade": str(error)}
+        return {"modes_unmade": error.note}
 
 
 def scene_of_options(

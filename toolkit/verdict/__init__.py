@@ -1,6 +1,6 @@
 """Verdict: what a verb did, in numbers for JSON and sentences for people.
 
 In: the results of a conversion, an assignment or a simulation.
-Out: documents with facts, checks and warnings; advice that names options.
-Read: verdict, assignment, simulation, run, reduction.
+Out: checks (does it hold its shape, buckle, tip over?), documents, advice that names options.
+Read: checks, check, assignment, simulation, run, reduction.
 """

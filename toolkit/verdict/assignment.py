@@ -11,7 +11,7 @@ import numpy as np
 
 from ...fem.errors import BandError, UsageError
 from ...fem.mesh import TetMesh, material_of
-from ...fem.note import Note
+from ...fem.note import Note, severity_of
 from ...fem.table import AS_STATED, FIELDS, MaterialValue, Span, outside_band
 from ...fem.uncertainty import MIDDLE
 from ...predictors.construction import MassInterval
@@ -19,11 +19,11 @@ from ...predictors.field import MaterialField
 from ..asset.document import BodyRecord, Sidecar, is_guess, mesh_document
 from ..meshing.messages import listed
 from ..walls import FAR_APART, BuiltPart
-from .verdict import Check, as_table, in_a_line
+from .check import Check, as_table, in_a_line
 
 if TYPE_CHECKING:
     from ...converters.transfer import SampledMesh
-    from ...predictors.prediction import PartChoice
+    from ...predictors.prediction import Numbered, PartChoice
 
 # A network's own E that leaves the range of the nearest row by more than this is told.
 UNLIKE = 2.0
@@ -43,6 +43,7 @@ class Assignment:
     sampling: SampledMesh
     sidecar: Sidecar
     built: tuple[BuiltPart, ...]
+    regions: Numbered | None = None
     warnings: tuple[str, ...] = ()
     doubts: tuple[str, ...] = ()
     files: tuple[Path, ...] = ()
@@ -117,6 +118,30 @@ class Assignment:
             for choice, built in zip(self.choices, self.built, strict=True)
             if choice.draws
         }
+
+    def region_rows(self) -> list[dict[str, Any]]:
+        """One row a region of like look, by number: its part, fraction of the cells, middle [m]."""
+        if self.regions is None or self.field.part is None:
+            return []
+        number, grid = self.regions.number, self.field.grid
+        inside = number > 0
+        cells, own = np.argwhere(inside), number[inside] - 1
+        size = np.bincount(own)
+        part = np.zeros((len(size), len(self.field.part_names)), dtype=int)
+        np.add.at(part, (own, self.field.part[inside]), 1)
+        middle = np.stack([np.bincount(own, axis) for axis in grid.to_world(cells).T], axis=1)
+        material = {choice.part: choice.material for choice in self.choices}
+        return [
+            {
+                "number": k + 1,
+                "part": self.field.part_names[part[k].argmax()],
+                "material": material[self.field.part_names[part[k].argmax()]],
+                "fraction": float(size[k] / len(own)),
+                "middle": (middle[k] / size[k]).tolist(),
+                "colour": "#" + "".join(f"{round(255 * float(c)):02x}" for c in colour),
+            }
+            for k, colour in enumerate(self.regions.colours.clip(0, 1))
+        ]
 
     def mass_interval(self) -> MassInterval:
         """Masses [kg] between which the whole lies."""
@@ -201,7 +226,9 @@ class Assignment:
             **mesh_document(self.mesh),
             "mass_interval": list(self.mass_interval()),
             "parts": self.part_rows(),
+            "regions_by_look": self.region_rows(),
             "verdicts": [one.document() for one in (*self.verdicts(), *self._drawn_mass())],
             "doubts": self.doubts,
+            "notes": [line for line in self.warnings if severity_of(line) == "note"],
             "warnings": self.warnings,
         }

@@ -32,7 +32,7 @@ from ...fem.solve.result import (
 )
 from ...fem.uncertainty import Interval, Likely
 from ..meshing.messages import listed
-from .verdict import Check, Outcome
+from .check import Check, Outcome
 
 # A body holds its shape if no point moves more than this fraction of its longest side.
 HOLDS = 0.05
@@ -58,9 +58,8 @@ VISIBLE = 0.005
 USUAL_DENSITY = ((0.3, 10.0, 23_000.0), (1.0, 10.0, 3_000.0), (np.inf, 10.0, 1_000.0))
 # Bulky: no side of the box is below this fraction of the longest.
 BULKY = 0.1
-# Where stress has no bound it grows by a third as edges are halved: thrice by an eighth of them. A
-# place reaches this much further than its points.
-UNBOUNDED, REACH = 3.0, 1.05
+# Where stress has no bound it grows by a third as edges are halved: thrice by an eighth of them.
+UNBOUNDED = 3.0
 # A part gives way below this safety factor; factors above the other are told as more than it.
 SAFE, SAFE_TOLD = 1.0, 1000.0
 
@@ -88,12 +87,18 @@ def holds_shape(result: SagResult) -> Check:
         also += Note("checks.and_buckles", factor=factor.value)
     if not result.trusted:
         also += Note("checks.rest_unknown")
-    if result.assumed > CRUMBS:
-        also += Note("checks.attached_to_nothing", fraction=percent(result.assumed))
     passed = ratio <= HOLDS and not also
     told = {"moved": percent(ratio), "limit": HOLDS, "also": also}
     said = Note("checks.holds_shape" if passed else "checks.loses_shape", **told)
     return Check("holds shape", _passed(passed), said, ratio, HOLDS)
+
+
+def attached(result: SagResult) -> tuple[Check, ...]:
+    """Pieces that touch nothing held, and were held where they are; nothing if there are none."""
+    if result.assumed <= CRUMBS:
+        return ()
+    said = Note("checks.attached_to_nothing", fraction=percent(result.assumed))
+    return (Check("attached", "failed", said, result.assumed, CRUMBS),)
 
 
 def discretisation(result: SagResult) -> Check:
@@ -259,7 +264,7 @@ def strength(safety: Safety, error: DiscretisationError | None = None) -> Check:
     outcome, why = _passed(passed), ""
     if passed and error is not None and safety.place is not None:
         from_centre = lambda p: float(np.linalg.norm(np.subtract(safety.place, p.centre)))  # noqa: E731
-        here = next((p for p in error.places if from_centre(p) <= REACH * p.radius), None)
+        here = next((p for p in error.places if from_centre(p) <= p.radius), None)
         if here is not None and factor < UNBOUNDED:
             told = {"kind": here.kind, "share": percent(here.share)}
             outcome, why = "doubtful", Note("checks.singular_stress", **told)
@@ -321,6 +326,7 @@ def static_checks(
     mesh = result.static.mesh
     return (
         holds_shape(result),
+        *attached(result),
         buckling(result.load_factor, result.load_factor_unmade, ends=load_factors),
         discretisation(result),
         locking(result.static),
@@ -396,7 +402,8 @@ def contact_forces(motion: MotionResult, names: Sequence[str]) -> Check:
     """
     forces = np.linalg.norm(motion.obstacle_forces, axis=2).max(axis=0, initial=0.0)
     impact, pressures = motion.impact, motion.largest_pressures
-    if impact is not None and forces.any():
+    met = forces.any() or bool(motion.piece_forces)
+    if impact is not None and met:
         forces = np.maximum(forces, impact.forces)
         if kind := impact.unresolved:
             why = {
@@ -421,7 +428,7 @@ def contact_forces(motion: MotionResult, names: Sequence[str]) -> Check:
         pressed.append(Note("checks.by_itself", pressure=pressures.own))
     largest = max([*forces.tolist(), *between.values()], default=0.0)
     said = Note("checks.pressed" if pressed else "checks.not_pressed", by="; ".join(pressed))
-    doubt = Note("checks.impact_unknown") if forces.any() and impact is None else ""
+    doubt = Note("checks.impact_unknown") if met and impact is None else ""
     outcome: Outcome = "doubtful" if doubt else "passed"
     return Check("contact", outcome, f"{said} {doubt}".strip(), largest, unit="N", why=doubt)
 

@@ -13,7 +13,7 @@ from ...fem.scene.loads import resultant
 from ...fem.scene.obstacles import Box, Capsule, Obstacle, Plane, Sphere
 from ...fem.scene.scene import Hold, Scene
 from ...fem.scene.up import up_vector
-from .verdict import area_words, si
+from .check import area_words, si
 
 Kind = Literal["support", "motion", "load", "gravity", "obstacle"]
 AXES = "xyz"

@@ -20,8 +20,8 @@ from ...predictors.asset import Asset
 from ..asset.document import Sidecar, mesh_document, versions
 from ..options import AssignOptions, WallOptions
 from .assignment import Assignment
+from .check import Check, as_table, in_a_line
 from .simulation import Simulation
-from .verdict import Check, as_table, in_a_line
 
 if TYPE_CHECKING:
     from ...predictors.appearance.features import VoxelFeatures

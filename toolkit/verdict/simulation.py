@@ -12,6 +12,7 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from ...fem.elements.assembly import discretise
 from ...fem.laws.law import LAWS
 from ...fem.mesh import TetMesh, piece_names
 from ...fem.note import Note
@@ -25,8 +26,8 @@ from ...fem.uncertainty import Draws, Exact, ranged_answers
 from ..asset.document import mesh_document
 from ..driving import DriveRecord
 from ..meshing.messages import listed
+from .check import Check, as_table, in_a_line, si, with_doubts
 from .description import describe
-from .verdict import Check, as_table, in_a_line, si, with_doubts
 
 
 class Animation(NamedTuple):
@@ -221,7 +222,9 @@ class StaticSimulation(Simulation):
             "safety": [{**s._asdict(), "factor": s.factor} for s in self.safety],
             "intervals": self.intervals,
             "reaction": static.reaction.sum(axis=0),
-            "reactions": [one._asdict() for one in reactions(self.scene, static)],
+            "reactions": [
+                one._asdict() for one in reactions(self.scene, static.space, static.reaction)
+            ],
             "loads": [
                 {"place": load.name, **resultant(self.mesh, load, self.scene.held)._asdict()}
                 for load in self.scene.tractions
@@ -340,11 +343,13 @@ class MotionSimulation(Simulation):
         from ...fem.solve.result import energy_balance
 
         motion, names, run = self.motion, self._piece_names, self.motion.particles
+        largest = lambda force: float(np.linalg.norm(force, axis=1).max())  # noqa: E731
         # Forces of the obstacles, frame by frame, and of the pieces on each other
         pushes = np.linalg.norm(motion.obstacle_forces, axis=2)
         forces, pressures = pushes.max(axis=0), motion.largest_pressures
         impact = motion.impact
-        unknown = impact is not None and bool(pushes.any() and impact.unresolved)
+        met = pushes.any() or bool(motion.piece_forces)
+        unknown = bool(impact is not None and met and impact.unresolved)
         if impact is not None:
             forces = np.maximum(forces, impact.forces)
         found: dict[str, Any] = {
@@ -357,17 +362,23 @@ class MotionSimulation(Simulation):
             "obstacle_forces": pushes.tolist(),
         }
         if pressures is not None:
-            found["max_obstacle_pressures"] = pressures.obstacles.tolist()
-            found["max_own_pressure"] = pressures.own
+            found["max_obstacle_pressures"] = None if unknown else pressures.obstacles.tolist()
+            found["max_own_pressure"] = None if unknown else pressures.own
         found["piece_forces"] = [
             {
                 "on": names[on],
                 "by": names[by],
-                "largest": float(np.linalg.norm(force, axis=1).max()),
+                "largest": None if unknown else largest(force),
                 "last": force[-1].tolist(),
             }
             for (on, by), force in motion.piece_forces.items()
         ]
+        if motion.reactions is not None:
+            space = discretise(self.mesh, motion.order).space
+            found["reactions"] = [
+                one._asdict() | {"largest": None if unknown else largest(one.force)}
+                for one in reactions(self.scene, space, motion.reactions)
+            ]
         # Energies [J]: given, the most beyond that, lost, most in one frame, its end [s]
         balance = energy_balance(motion, self.scene)
         found |= {

@@ -19,7 +19,7 @@ MARKS: dict[Mark, str] = {"good": "✓", "note": "i", "warning": "!", "unmade": 
 # Checks whose failure changes what the body can be used for.
 SERIOUS = (
     "holds shape", "buckling", "upright", "strength", "size", "no penetration", "energy",
-    "reduced model", "body",
+    "reduced model", "body", "attached",
 )  # fmt: skip
 # Option that changes the outcome, by the check's name.
 PARAMETERS = {
@@ -30,19 +30,19 @@ PARAMETERS = {
 }  # fmt: skip
 # What the answer of every check rests on: one that passed is in doubt where any of these is.
 BODY = ("body", "size", "materials", "loads")
-MESH = ("discretisation", "locking")
+SOLVED = ("attached", "discretisation", "locking")
 RESTS_ON = {
-    "holds shape": (*BODY, *MESH, "buckling"),
-    "buckling": (*BODY, *MESH),
+    "holds shape": (*BODY, *SOLVED, "buckling"),
+    "buckling": (*BODY, *SOLVED),
     "upright": (*BODY, "buckling"),
-    "strength": (*BODY, *MESH, "buckling"),
-    "first frequency": (*BODY, *MESH),
-    "range": (*BODY, *MESH),
+    "strength": (*BODY, *SOLVED, "buckling"),
+    "first frequency": (*BODY, *SOLVED),
+    "range": (*BODY, *SOLVED),
     "mass": BODY,
     "explicit step": ("size", "materials"),
     "inside band": ("materials",),
-    "distinguishable": ("size", *MESH),
-    "contact": (*BODY, *MESH, "impact", "energy", "no penetration"),
+    "distinguishable": ("size", *SOLVED),
+    "contact": (*BODY, *SOLVED, "impact", "energy", "no penetration"),
     "breakage": (*BODY, "energy", "particles"),
     "energy": ("particles",),
     "reduced model": ("locking",),

@@ -1,0 +1,144 @@
+"""A thing in one piece divided by the clauses of a sentence, or left whole where that is unsure.
+
+Cut once by looks alone and once by the shells of its mesh too; what the network says of the two is
+averaged where they overlap. How sure it is of the whole object is on record; below ``WHOLE`` one
+material everywhere, that of the first clause, is right more often.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from ...fem.table import MaterialTable
+from ..appearance.features import PLAIN_FINISH, Appearance
+from ..asset import UpAxis, upright
+from ..encoders.registry import TextEncoder
+from ..matter import LOOK
+from ..text.clauses import Clause, Sentence
+from ..text.parts import known_parts, stem
+from .measures import measured
+from .network import RegionNetwork, Said
+from .segment import segment
+
+WHOLE = 0.5  # of the certainty: below it a thing stays in one piece
+FORCED = 6.0  # nats that giving each clause a region may cost, all in all
+NULL = 0.6  # of a region's share: from here the null clause wins, and nobody spoke of it
+_GREY = 0.6  # colour of what has none
+_LEAST = 1e-4  # of a share, for its logarithm
+
+
+class Regions(NamedTuple):
+    """A thing cut both ways.
+
+    cells: Indices (n, 3) of its cells, upright.
+    looks: Colour and finish (n, 7) of each.
+    plain: Region of each by its colour alone.
+    region: Region by colour, finish and shells too; the same as ``plain`` where none are known.
+    """
+
+    cells: np.ndarray
+    looks: np.ndarray
+    plain: np.ndarray
+    region: np.ndarray
+
+
+class Divided(NamedTuple):
+    """Which clause speaks of each cell.
+
+    owner: Clause (n,) of each cell; their number stands for none.
+    share: How surely the clause of each cell speaks of it (n,).
+    certainty: Fraction of the volume that is expected to have its right clause.
+    """
+
+    owner: np.ndarray
+    share: np.ndarray
+    certainty: float
+
+
+def cut(cells: Int[np.ndarray, "n 3"], appearance: Appearance | None, up: UpAxis) -> Regions:
+    """Cut the cells of a thing, given by their indices on the grid, into regions.
+
+    appearance: What is seen of them: without it only what is thick is told from what is thin.
+    """
+    at = tuple(cells.T)
+    turned = np.rint(upright(cells.astype(float), up)).astype(int)
+    turned -= turned.min(axis=0)
+    looks = np.tile((_GREY, _GREY, _GREY, *PLAIN_FINISH), (len(cells), 1))
+    shell = None
+    if appearance is not None and appearance.colours is not None:
+        looks[:, :3] = appearance.colours[at]
+    plain = region = segment(turned, looks)
+    if appearance is not None and appearance.shell is not None:
+        if appearance.finish is not None:
+            looks[:, 3:LOOK] = appearance.finish[at]
+        shell = np.unique(appearance.shell[at], return_inverse=True)[1].ravel()
+        region = segment(turned, looks, shell)
+    return Regions(turned, looks, plain, region)
+
+
+def said_by(clause: Clause, sentence: Sentence) -> Said:
+    """Return what the network is told of a clause: its noun phrases, and its material."""
+    nouns = [" ".join(name) for name in clause.subject.names]
+    if not nouns and clause.subject.scope == "whole":
+        nouns = [" ".join(sentence.thing)] if sentence.thing else []
+    if not nouns and clause.subject.scope == "rest":
+        nouns = ["everything else"]
+    if not nouns and stem(clause.phrase) in known_parts():  # "soil", "green leaves"
+        nouns = [clause.phrase]
+    material = clause.phrase or clause.material or clause.kind or clause.unknown
+    return Said(", ".join(nouns), material, clause.material or "")
+
+
+def divide(
+    regions: Regions,
+    said: Sequence[Said],
+    *,
+    encoder: TextEncoder,
+    table: MaterialTable,
+    network: RegionNetwork | None = None,
+) -> Divided:
+    """Find the clause that speaks of each cell.
+
+    Each clause has a region, if that costs little: what is spoken of is there.
+    """
+    network = network or RegionNetwork.load()
+    cuts = {False: regions.plain}
+    if regions.region is not regions.plain:
+        cuts[True] = regions.region
+    shares = []
+    for shells, region in cuts.items():
+        looks = regions.looks.copy()
+        if not shells:
+            looks[:, 3:] = PLAIN_FINISH
+        found = measured(regions.cells, looks, region)
+        given = network.inputs(found, said, shells=shells, encoder=encoder, table=table)
+        shares.append(network(given)[region])
+    pair = regions.plain * (int(regions.region.max()) + 1) + regions.region
+    _, first, of, size = np.unique(pair, return_index=True, return_inverse=True, return_counts=True)
+    mean = np.mean([share[first] for share in shares], axis=0)
+    owner = assigned(mean)
+    share = mean[np.arange(len(mean)), owner]
+    slope, offset = network.facts["certainty"]
+    expected = float((size * share).sum() / size.sum())
+    certainty = 1 / (1 + np.exp(-(slope * np.log(expected / (1 - expected + _LEAST)) + offset)))
+    return Divided(owner[of.ravel()], share[of.ravel()], float(certainty))
+
+
+def assigned(shares: Float[np.ndarray, "regions clauses"]) -> Int[np.ndarray, "regions"]:
+    """Clause of every region, the last for none: the likeliest, and each clause one at least."""
+    from scipy.optimize import linear_sum_assignment
+
+    null = shares.shape[1] - 1
+    spoken = shares[:, :null]
+    owner = np.where(shares[:, null] >= NULL, null, spoken.argmax(axis=1))
+    if len(spoken) >= null and null:
+        cost = -np.log(spoken + _LEAST)
+        cost = (cost - cost.min(axis=1, keepdims=True)).T
+        rows, columns = linear_sum_assignment(cost)
+        if cost[rows, columns].sum() < FORCED:
+            owner[columns] = rows
+    return owner

@@ -1,0 +1,261 @@
+"""Regions x clauses: a small set transformer says which clause speaks of which region, or none.
+
+Tokens are the regions of a thing, the clauses of a sentence, and one null clause for matter that
+nobody spoke of; all attend to all, and how far two regions touch is a bias. The shares of a region
+are the softmax of a head on pairs that also hears how well its looks fit the clause's kind of
+matter. Written for numpy: a thing has 48 regions at most, and torch alone takes longer to start.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from ...fem.errors import InputError
+from ...fem.note import Note
+from ...fem.table import MaterialTable
+from ..encoders.registry import TextEncoder
+from ..matter import FEATURES, CategoriesByAppearance
+from ..text.parts import KINDS, kind_of
+from .measures import MEASURES, Measured
+
+WEIGHTS = Path(__file__).parents[1] / "weights" / "regions.safetensors"
+PLACES = 8  # of clauses in a sentence that are told apart; later ones are all the last
+ORDER = PLACES + 3  # the place, how many there are, where among them, and whether it is the null
+EPSILON = 1e-5  # of the normalisation of layers
+OUTLIER = 5.0  # deviations: measures beyond are clipped
+HEADS = 4
+# Kinds of matter by looks, of rows whose own words name none.
+_KIND_OF_CATEGORY = {
+    "metal": "metal", "wood": "wood", "plastic": "plastic", "elastomer": "rubber",
+    "hard elastomer": "rubber", "stone": "stone", "glass-ceramic": "ceramic", "plant": "plant",
+    "paper": "paper",
+}  # fmt: skip
+
+
+class Said(NamedTuple):
+    """What a clause says: words for parts, words for a material, and its row; "" for none."""
+
+    part: str
+    material: str = ""
+    row: str = ""
+
+
+class Inputs(NamedTuple):
+    """What the network is given of a thing of R regions and a sentence of K - 1 clauses.
+
+    ``region`` (R, measures + 1) are standardised measures and whether a mesh told the shells;
+    ``contact`` (R, R) the fraction of its common faces that a region has with each other one;
+    ``part``, ``material`` (K, 384) embeddings of words, ``matter`` (K, kinds + 1 + categories) what
+    the material is, ``order`` (K, ORDER) the place in the sentence, the null clause last;
+    ``evidence`` (R, K, 2) how much likelier the looks make the clause's kind of matter [log], and
+    whether they tell.
+    """
+
+    region: np.ndarray
+    contact: np.ndarray
+    part: np.ndarray
+    material: np.ndarray
+    matter: np.ndarray
+    order: np.ndarray
+    evidence: np.ndarray
+
+
+def contact_share(contact: Float[np.ndarray, "r r"]) -> Float[np.ndarray, "r r"]:
+    """Fraction of a region's common faces that it has with each other one."""
+    return contact / (contact.sum(axis=1, keepdims=True) + 1)
+
+
+def part_words(phrase: str) -> list[str]:
+    """Phrases for single parts: "base and armrests" -> base, armrests."""
+    found = re.split(r",|;|&|\band\b|\bor\b|\bwith\b", phrase.lower())
+    return [words for each in found if (words := " ".join(each.split()))]
+
+
+def part_vector(phrase: str, encoder: TextEncoder) -> Float[np.ndarray, "dim"]:
+    """Unit embedding of words for parts, of several the mean; 0 of none."""
+    words = part_words(phrase)
+    if not words:
+        return np.zeros(encoder.text(["part"]).shape[1], dtype=np.float32)
+    mean = encoder.text(words).mean(axis=0)
+    return mean / np.linalg.norm(mean)
+
+
+def categories(table: MaterialTable) -> list[str]:
+    """Categories of the table, in the order that ``matter`` counts them."""
+    return sorted({row.category for row in table})
+
+
+def kind_index(material: str, row: str, table: MaterialTable) -> int:
+    """Index into ``KINDS`` of a material's words or of its row, -1 where neither tells."""
+    kind = kind_of(material)
+    if kind is None and row:
+        kind = kind_of(row) or _KIND_OF_CATEGORY.get(table.exact(row).category)
+    return -1 if kind is None else KINDS.index(kind)
+
+
+def matter_vector(kind: int, category: int | None, count: int) -> Float[np.ndarray, "n"]:
+    """One-hot kind (the last of them for another one) and category; 0 without a category."""
+    out = np.zeros(len(KINDS) + 1 + count, dtype=np.float32)
+    if category is not None:
+        out[[kind if kind >= 0 else len(KINDS), len(KINDS) + 1 + category]] = 1.0
+    return out
+
+
+def order_vectors(count: int) -> Float[np.ndarray, "clauses order"]:
+    """Places of so many clauses, and the null clause as the last."""
+    out = np.zeros((count + 1, ORDER), dtype=np.float32)
+    place = np.arange(count)
+    out[place, np.minimum(place, PLACES - 1)] = 1.0
+    out[:, PLACES] = count / PLACES
+    out[:count, PLACES + 1] = place / max(count - 1, 1)
+    out[count, PLACES + 2] = 1.0
+    return out
+
+
+@dataclass(frozen=True, eq=False)
+class RegionNetwork:
+    """Networks that were trained alike, whose shares are averaged.
+
+    Parameters
+    ----------
+    tensors
+        Weights by name, the networks along the first axis.
+    facts
+        ``mean`` and ``deviation`` of the measures, ``categories`` of the table that it knows, and
+        ``certainty``, the slope and offset of its calibration.
+    """
+
+    tensors: Mapping[str, np.ndarray]
+    facts: Mapping
+
+    @classmethod
+    @lru_cache(maxsize=2)
+    def load(cls, path: Path = WEIGHTS) -> RegionNetwork:
+        """Return the shipped ones, or those of a file of float16 safetensors.
+
+        Raises InputError: Where it is no such file, or of other measures or kinds.
+        """
+        from safetensors import SafetensorError, safe_open
+
+        try:
+            with safe_open(path, framework="np") as file:
+                facts = {name: json.loads(fact) for name, fact in file.metadata().items()}
+                tensors = {k: file.get_tensor(k).astype(np.float32) for k in file.keys()}
+            if facts["measures"] != list(MEASURES) or facts["kinds"] != list(KINDS):
+                raise ValueError(Note("matter.other_features"))
+        except (SafetensorError, OSError, AttributeError, KeyError, ValueError) as error:
+            raise InputError("regions.no_weights", path=path, error=error) from error
+        return cls(tensors, facts)
+
+    def inputs(
+        self,
+        found: Measured,
+        said: Sequence[Said],
+        *,
+        shells: bool,
+        encoder: TextEncoder,
+        table: MaterialTable,
+    ) -> Inputs:
+        """Return what the network is given of measured regions and of what clauses say."""
+        known = list(self.facts["categories"])
+        ratio = CategoriesByAppearance.load().log_ratio(found.values[:, : len(FEATURES)])
+        kinds = [kind_index(each.material, each.row, table) for each in said]
+        places = [table.exact(each.row).category if each.row else None for each in said]
+        evidence = np.zeros((len(found.values), len(said) + 1, 2), dtype=np.float32)
+        for k, kind in enumerate(kinds):
+            if kind >= 0:
+                evidence[:, k] = np.stack([ratio[:, kind], np.ones(len(ratio))], axis=1)
+        part = [part_vector(each.part, encoder) for each in said]
+        none = np.zeros_like(part[0])
+        material = [encoder.text([e.material])[0] if e.material else none for e in said]
+        matter = [
+            matter_vector(kind, known.index(place) if place in known else None, len(known))
+            for kind, place in zip(kinds, places, strict=True)
+        ]
+        return Inputs(
+            self.standard(found.values, shells=shells),
+            contact_share(found.contact),
+            np.stack([*part, none]),
+            np.stack([*material, none]),
+            np.stack([*matter, matter_vector(-1, None, len(known))]),
+            order_vectors(len(said)),
+            evidence,
+        )
+
+    def standard(
+        self, values: Float[np.ndarray, "r measures"], *, shells: bool
+    ) -> Float[np.ndarray, "r inputs"]:
+        """Measures in deviations from their mean, and whether a mesh told the shells."""
+        return standardised(values, self.facts["mean"], self.facts["deviation"], shells=shells)
+
+    def __call__(self, given: Inputs) -> Float[np.ndarray, "regions clauses"]:
+        """Shares of the clauses in every region, the null clause last."""
+        r = self._linear("region.2", _gelu(self._linear("region.0", given.region[None])))
+        c = self._linear("part", given.part[None]) + self._linear("material", given.material[None])
+        c = c + self._linear("said", np.concatenate([given.matter, given.order], axis=1)[None])
+        kind = self.tensors["kind"]
+        x = np.concatenate([r + kind[:, :1], c + kind[:, 1:]], axis=1)
+        nets, n, width = x.shape
+        regions = len(given.region)
+        bias = np.zeros((nets, HEADS, n, n), dtype=np.float32)
+        bias[..., :regions, :regions] = (
+            given.contact * self.tensors["touch.weight"][..., None]
+            + self.tensors["touch.bias"][..., None, None]
+        )
+        for layer in range(len([k for k in self.tensors if k.endswith("attend.weight")])):
+            at = f"layers.{layer}"
+            qkv = self._linear(f"{at}.attend", self._norm(f"{at}.before", x))
+            q, k, v = qkv.reshape(nets, n, 3, HEADS, -1).transpose(2, 0, 3, 1, 4)
+            weight = _softmax(q @ k.swapaxes(-1, -2) / (width // HEADS) ** 0.5 + bias)
+            mixed = (weight @ v).swapaxes(1, 2).reshape(nets, n, width)
+            x = x + self._linear(f"{at}.out", mixed)
+            inner = _gelu(self._linear(f"{at}.inner", self._norm(f"{at}.between", x)))
+            x = x + self._linear(f"{at}.outer", inner)
+        r = self._norm("regions_out", x[:, :regions])[:, :, None]
+        c = self._norm("clauses_out", x[:, regions:])[:, None]
+        shape = np.broadcast_shapes(r.shape, c.shape)
+        evidence = np.broadcast_to(given.evidence, (nets, *given.evidence.shape))
+        both = [np.broadcast_to(r, shape), np.broadcast_to(c, shape), r * c, evidence]
+        pairs = np.concatenate(both, axis=-1).reshape(nets, regions * shape[2], -1)
+        logit = self._linear("pair.2", _gelu(self._linear("pair.0", pairs)))
+        logit = logit.reshape(nets, regions, -1)
+        logit = logit + (evidence * self.tensors["looks.weight"][:, None]).sum(axis=-1)
+        return _softmax(logit).mean(axis=0)
+
+    def _linear(self, name: str, x: np.ndarray) -> np.ndarray:
+        y = x @ self.tensors[f"{name}.weight"].swapaxes(1, 2)
+        return y + self.tensors[f"{name}.bias"][:, None]
+
+    def _norm(self, name: str, x: np.ndarray) -> np.ndarray:
+        x = x - x.mean(axis=-1, keepdims=True)
+        x = x / np.sqrt((x * x).mean(axis=-1, keepdims=True) + EPSILON)
+        return x * self.tensors[f"{name}.weight"][:, None] + self.tensors[f"{name}.bias"][:, None]
+
+
+def standardised(
+    values: Float[np.ndarray, "r measures"], mean, deviation, *, shells: bool
+) -> Float[np.ndarray, "r inputs"]:
+    """Measures in deviations from their mean, and whether a mesh told the shells."""
+    x = (values - np.asarray(mean)) / np.asarray(deviation)
+    flag = np.full((len(x), 1), float(shells))
+    return np.concatenate([x.clip(-OUTLIER, OUTLIER), flag], axis=1).astype(np.float32)
+
+
+def _gelu(x: np.ndarray) -> np.ndarray:
+    from scipy.special import erf
+
+    return x * (0.5 + 0.5 * erf(x / np.sqrt(2, dtype=np.float32)))
+
+
+def _softmax(x: np.ndarray) -> np.ndarray:
+    weight = np.exp(x - x.max(axis=-1, keepdims=True))
+    return weight / weight.sum(axis=-1, keepdims=True)

@@ -1,0 +1,86 @@
+"""Natural sentences about real objects in one piece, and what each of their clauses means.
+
+``data/naturals*.toml`` hold them: written by several hands that saw the object, and neither a
+network nor the reader. Of each sentence the clauses are on record: words for parts, words for a
+material, and the material slots of the file that they mean.
+"""
+
+from __future__ import annotations
+
+import tempfile
+import tomllib
+from collections.abc import Iterator, Sequence
+from itertools import islice
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Int
+
+from . import sweethome3d
+from .one_piece import OnePiece
+
+DATA = Path(__file__).parent / "data"
+
+
+class Meant(NamedTuple):
+    """Words for parts, words for a material, and the slots that they speak of."""
+
+    part: str
+    material: str
+    slots: tuple[str, ...]
+
+
+class Natural(NamedTuple):
+    """A sentence of a ``hand`` about the object of a source's catalogue with this number.
+
+    Of the slots ``unsaid`` it is known that no clause speaks.
+    """
+
+    source: sweethome3d.Source
+    number: int
+    text: str
+    clauses: tuple[Meant, ...]
+    hand: str = ""
+    unsaid: tuple[str, ...] = ()
+
+    @property
+    def key(self) -> str:
+        """Name of the object."""
+        return f"{self.source}_{self.number:03d}"
+
+    def clause_of(self, slots: Sequence[str]) -> Int[np.ndarray, "slots"]:
+        """Clause that speaks of each slot, -1 where none does."""
+        of = {slot: k for k, clause in enumerate(self.clauses) for slot in clause.slots}
+        return np.array([of.get(slot, -1) for slot in slots], dtype=int)
+
+
+def naturals(sources: Sequence[str], folder: Path = DATA) -> list[Natural]:
+    """Return all sentences about objects of these sources."""
+    found = []
+    for path in sorted(folder.glob("naturals*.toml")):
+        for item in tomllib.loads(path.read_text(encoding="utf-8"))["objects"]:
+            if item["source"] in sources:
+                clauses = (
+                    Meant(part, material, tuple(of)) for part, material, of in item["clauses"]
+                )
+                found.append(
+                    Natural(
+                        item["source"], int(item["id"]), item.get("sentence", ""), tuple(clauses),
+                        item.get("hand", ""), tuple(item.get("unsaid", ())),
+                    )
+                )  # fmt: skip
+    return found
+
+
+def one_pieces(
+    sentences: Sequence[Natural], count: int | None = None
+) -> Iterator[tuple[str, OnePiece]]:
+    """Fetch and fill the first ``count`` objects that sentences speak of, or all; with keys."""
+    from ...toolkit.asset.load import load_asset
+
+    for one in islice({one.key: one for one in sentences}.values(), count):
+        item = sweethome3d.catalog(one.source)[one.number]
+        with tempfile.TemporaryDirectory() as folder:
+            asset = load_asset(sweethome3d.extract(item, Path(folder)))
+            yield one.key, OnePiece.of(asset, item.name)

@@ -1,0 +1,127 @@
+"""The verb `segment`: a thing in one piece as named parts, by what looks and shells tell apart."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..predictors.appearance.features import Appearance, cell_appearance, fill
+from ..predictors.appearance.surface import skin_of, surface_voxels
+from ..predictors.asset import Asset, upright
+from ..predictors.grid import Grid
+from ..predictors.matter import LOOK
+from ..predictors.regions.division import cut
+from .asset import path_of
+from .asset.document import check_file
+
+CELLS = 64  # along the longest side
+FINEST = 2.0  # cells: the longest edge of a triangle, so that each lies in one region
+
+
+@dataclass(frozen=True, eq=False)
+class Segmented:
+    """Regions of an asset as ``parts``, the largest first, and the file they were written to."""
+
+    parts: Asset
+    fractions: tuple[float, ...]
+    files: tuple[Path, ...] = ()
+
+    def document(self) -> dict[str, Any]:
+        """Return what ``segment --json`` prints."""
+        rows = [
+            {"name": part.name, "fraction": fraction, "triangles": len(part.mesh.faces)}
+            for part, fraction in zip(self.parts.parts, self.fractions, strict=True)
+        ]
+        return {"files": self.files, "parts": rows, "warnings": self.parts.warnings}
+
+
+def segment(asset: str | Path | Asset, *, output: str | Path | None = None) -> Segmented:
+    """Cut an asset into regions of like look and shell, each a part with a name.
+
+    Parameters
+    ----------
+    asset
+        File to load, or an asset already loaded.
+    output
+        The .glb to write; ``run`` takes it, and a text may speak of "region 3".
+
+    Returns
+    -------
+    Segmented
+        ``parts``: an asset with y up, coloured at its corners, in metres [m].
+
+    Raises
+    ------
+    InputError
+        Where the asset cannot be read or the output not be written.
+
+    Examples
+    --------
+    >>> import autophyx_tet as apx
+    >>> made = apx.segment(apx.write_bonsai("bonsai.glb"), output="parts.glb")
+    >>> len(made.parts.parts) > 3, made.parts.parts[0].name
+    (True, 'region 1')
+    """
+    import trimesh
+    from scipy.spatial import KDTree
+    from trimesh.exchange.gltf import export_glb
+    from trimesh.remesh import subdivide_to_size
+    from trimesh.triangles import points_to_barycentric
+
+    from ..predictors.asset import Part
+    from .asset.load import load_asset
+
+    output = path_of(output)
+    if output is not None:
+        check_file(output, (".glb",))
+    asset = asset if isinstance(asset, Asset) else load_asset(asset)
+    grid = Grid.around(asset.bounds, cells=CELLS)
+    inside = fill(surface_voxels(asset, grid).occupied)
+    cells = np.argwhere(inside)
+    looks = np.zeros((*grid.shape, LOOK))
+    shell = np.full(grid.shape, -1)
+    looks[inside], shell[inside] = cell_appearance(asset, grid.to_world(cells))
+    seen = Appearance(looks[..., :3], finish=looks[..., 3:], shell=shell)
+    region = cut(cells, seen, asset.up).region
+    nearest = KDTree(grid.to_world(cells))
+    corners, colours, of = [], [], []
+    for part in asset.parts:
+        mesh = part.mesh
+        points, faces, source = subdivide_to_size(  # type: ignore
+            mesh.vertices, mesh.faces, FINEST * grid.h, max_iter=20, return_index=True
+        )
+        triangles = points[faces]
+        of.append(region[nearest.query(triangles.mean(axis=1))[1]])
+        whole = np.repeat(mesh.triangles[source], 3, axis=0)
+        weights = points_to_barycentric(whole, triangles.reshape(-1, 3)).clip(0, 1)
+        weights = np.nan_to_num(weights, nan=1 / 3)  # of a triangle without an area
+        shown = skin_of(mesh)(np.repeat(source, 3), weights / weights.sum(axis=1, keepdims=True))
+        corners.append(triangles)
+        colours.append(shown.reshape(-1, 3, 4))
+    corner, colour, own = map(np.concatenate, (corners, colours, of))
+    x, y, z = np.moveaxis(upright(corner, asset.up), -1, 0)
+    corner = np.stack([x, z, -y], axis=-1)  # y up, as glTF has it
+    scene, parts, fractions = trimesh.Scene(), [], []
+    for k in np.unique(own):
+        mine = own == k
+        bytes_of = (255 * colour[mine].reshape(-1, 4) + 0.5).astype(np.uint8)
+        mesh = trimesh.Trimesh(
+            corner[mine].reshape(-1, 3), np.arange(3 * mine.sum()).reshape(-1, 3),
+            vertex_colors=bytes_of, process=False,
+        )  # fmt: skip
+        mesh.merge_vertices()
+        name = f"region {k + 1}"
+        scene.add_geometry(mesh, node_name=name, geom_name=name)
+        parts.append(Part(name, mesh, (name,)))
+        fractions.append(float((region == k).mean()))
+    made = Asset(
+        asset.name, tuple(parts), up="y", source=asset.source, source_hash=asset.source_hash,
+        samples=asset.samples, size_stated=True, warnings=asset.warnings,
+    )  # fmt: skip
+    if output is None:
+        return Segmented(made, tuple(fractions))
+    output.write_bytes(export_glb(scene))
+    return Segmented(made, tuple(fractions), (output,))
