@@ -6,21 +6,22 @@ import re
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...converters.carriers import is_density
-from ...converters.grids import density_surface, read_density
 from ...converters.points.gaussians import sound_splats
 from ...converters.points.ply import listed, parse_ply, ply_points
 from ...converters.points.table import PointTable, read_points
-from ...converters.points.views import Pruning, splat_body
 from ...converters.registry import Format, Keeps
 from ...fem.errors import InputError
 from ...fem.note import Note
 from ...predictors.asset import PlainMesh, UpAxis
 from .formats import AssetContent, NamedSurface, References, decoded
+
+if TYPE_CHECKING:
+    from ...converters.points.views import Pruning
+
 
 # OFF with polygons of any size and per-face colours; the keyword may be missing.
 
@@ -137,9 +138,13 @@ def read_carrier(path: Path, data: bytes, references: References) -> AssetConten
 
     Our own archive of a density grid is metres by contract; nothing else names its unit.
     """
+    from ...converters.carriers import is_density
+
     if not is_density(path):
         up = "y" if path.suffix.lower() == ".spz" else "-y"  # its specification says y up
         return points_content(read_points(path), references.pruning, up=up)
+    from ...converters.grids import density_surface, read_density
+
     grid = read_density(path)
     surface = NamedSurface(density_surface(grid))
     cells = " × ".join(map(str, grid.density.shape))
@@ -147,7 +152,9 @@ def read_carrier(path: Path, data: bytes, references: References) -> AssetConten
     return AssetContent([surface], metres=metres, samples=f"a grid of {cells} cells")
 
 
-def points_content(table: PointTable, pruning: Pruning, *, up: UpAxis = "-y") -> AssetContent:
+def points_content(
+    table: PointTable, pruning: Pruning | None, *, up: UpAxis = "-y"
+) -> AssetContent:
     """Surface through splats, or the finite points of a cloud.
 
     y points down in COLMAP, by whose cameras most splats are trained.
@@ -156,7 +163,9 @@ def points_content(table: PointTable, pruning: Pruning, *, up: UpAxis = "-y") ->
         sound, warnings = sound_splats(table)
         if not sound.any():
             raise InputError("readers.no_splats", count=len(table))
-        surface, told = splat_body(table.only(sound), pruning)
+        from ...converters.points.views import Pruning, splat_body
+
+        surface, told = splat_body(table.only(sound), pruning or Pruning())
         samples = f"{int(sound.sum()):,} Gaussians"
         notes = (*warnings, *told)
         return AssetContent([NamedSurface(surface)], up_guess=up, samples=samples, warnings=notes)
