@@ -45,7 +45,7 @@ class Scored:
 
     ``certainty`` is what was said of it, None where no network was asked; ``whole`` whether the
     thing was left in one piece; ``foreign`` the share of the scored volume that got a material of
-    no clause, ``read`` that of the clauses whose row was read.
+    no clause as it was read, ``read`` that of the clauses whose row was read.
     """
 
     key: str
@@ -111,9 +111,9 @@ def score(
     right[NETWORK] = share(made)
     bindings = [choice.binding for choice in made.choices if choice.binding]
     got = np.array([choice.row.name for choice in made.choices])[made.parts.part[at]]
-    foreign = float((~np.isin(got, rows))[scored].mean())
     sentence = read_sentence(natural.text, parts.part_labels, table).sentence
-    read = {clause.material or "" for clause in sentence.clauses}
+    read = {table.exact(one.material).name for one in sentence.clauses if one.material}
+    foreign = float((~np.isin(got, [*read]))[scored].mean())
     if made.regions is not None:
         right[CEILING], best = ceiling(made)
         # the user names the region where most is wrong
