@@ -254,9 +254,9 @@ def row_by_numbers(
     if row.name in FOAMED and "rho" in said and light:
         return table.exact(FOAMED[row.name][-1 if (stiffness or 0) > 3 else 0])
     if row.name.startswith("silicone rubber") and "shore_a" in said:
-        grades = (other for other in table if other.name.startswith("silicone Shore A"))
-        degree = f"A{round(said['shore_a'], -1):.0f}"
-        return next((grade for grade in grades if grade.name.endswith(degree)), row)
+        degree = f"{round(said['shore_a'], -1):.0f}"
+        graded = ("silicone", degree)
+        return next((x for x in table if (*x.name.split(" Shore A"),) == graded), row)
     return row
 
 

@@ -34,11 +34,11 @@ from .lexing import (
     point_back,
     puts_hue,
     same_again,
+    without_tables,
 )
 from .materials import SHORT, ReaderLexicon, lexicon_of
 from .numerals import Blend, Comparison, Quantity, counted_by
 from .parts import known_parts, part_words, places
-from .tables import without_tables
 
 LONGEST = 4000  # characters: a page of notes; a book is a mistake
 _GROUPED = (
