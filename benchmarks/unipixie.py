@@ -15,7 +15,7 @@ from dataclasses import asdict, replace
 from pathlib import Path
 
 from autophyx_tet.predictors.encoders.minilm import MiniLM
-from autophyx_tet.predictors.unipixie.inference import WEIGHTS, RangeCalibration, load_unipixie
+from autophyx_tet.predictors.unipixie.predictor import WEIGHTS, RangeCalibration, load_unipixie
 from autophyx_tet.research.datasets.ranges import RangeTable, build_range_table
 from autophyx_tet.research.training.unipixie.config import BARE_WORDS, EvidenceShares, MatterConfig
 from autophyx_tet.research.training.unipixie.names_on_device import Names

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from importlib import import_module
 from typing import Any, Literal
 
-# How much a note matters: it tells how a thing was read; something may be otherwise than taken; what
+# How much a note matters: it tells how a thing was read; a thing may be otherwise than taken; what
 # was said is not used.
 Severity = Literal["note", "doubt", "error"]
 

@@ -1,13 +1,16 @@
-"""What every place that holds a body at rest carries, and every piece of it that stands."""
+"""What every place that holds a body carries, and every piece of it that stands."""
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
 import numpy as np
+from jaxtyping import Float
 
+from .elements.space import Space
 from .mesh import material_of, point_components
 from .scene.scene import Hold, Scene
+from .scene.supports import find_supports
 from .scene.up import up_vector
 from .solve.result import StaticResult
 
@@ -15,23 +18,26 @@ from .solve.result import StaticResult
 class Reaction(NamedTuple):
     """``force`` (3,) [N] of a support on the body, and its ``torque`` (3,) [N m] about ``centre``.
 
-    ``place`` is what a user called it, '' for what the scenario holds; ``centre`` (3,) [m] is the
-    mean of its points.
+    Of a motion they have a row a frame. ``place`` is what a user called it, '' for what the
+    scenario holds; ``centre`` (3,) [m] is the mean of its points at rest.
     """
 
     place: str
-    force: np.ndarray
-    torque: np.ndarray
+    force: Float[np.ndarray, "*frames 3"]
+    torque: Float[np.ndarray, "*frames 3"]
     centre: np.ndarray
 
 
-def reactions(scene: Scene, rest: StaticResult) -> tuple[Reaction, ...]:
+def reactions(
+    scene: Scene, space: Space, forces: Float[np.ndarray, "*frames nodes 3"]
+) -> tuple[Reaction, ...]:
     """Force and torque of every place that holds; their sum is that of all supports.
 
-    A node that two places hold in one direction counts for the first of them.
+    ``forces`` [N] are those of supports on the nodes of ``space``, at rest or in every frame. A
+    node that two places hold in one direction counts for the first of them.
     """
-    points = len(rest.mesh.points)
-    ends, left = rest.space.edges, np.ones(rest.reaction.shape, dtype=bool)
+    points, mesh = len(scene.mesh.points), scene.mesh
+    ends, left = space.edges, np.ones(forces.shape[-2:], dtype=bool)
     whole = Hold("", np.flatnonzero(scene.held.fixed.any(axis=1)))
     found = []
     for hold in (*scene.holds, whole):
@@ -39,12 +45,12 @@ def reactions(scene: Scene, rest: StaticResult) -> tuple[Reaction, ...]:
         nodes = np.concatenate([inside, inside[ends].all(axis=1)])[: len(left)]
         mine = left & nodes[:, None] & np.isin(np.arange(3), hold.axes)
         left &= ~mine
-        force = np.where(mine, rest.reaction, 0.0)
+        force = np.where(mine, forces, 0.0)
         if hold is whole and not force.any():
             continue
-        centre = rest.mesh.points[hold.points].mean(axis=0)
-        torque = np.cross(rest.space.nodes - centre, force).sum(axis=0)
-        found.append(Reaction(hold.name, force.sum(axis=0), torque, centre))
+        centre = mesh.points[hold.points].mean(axis=0)
+        torque = np.cross(space.nodes - centre, force).sum(axis=-2)
+        found.append(Reaction(hold.name, force.sum(axis=-2), torque, centre))
     return tuple(found)
 
 
@@ -62,7 +68,8 @@ class Standing(NamedTuple):
 def standing_pieces(scene: Scene, rest: StaticResult, gravity: float) -> tuple[Standing, ...]:
     """Every piece of the body that is held; with its weight under ``gravity`` [m/s^2] in any case.
 
-    Pieces share no point: each stands on its own feet.
+    Pieces share no point: each stands on its own feet, all that reach the ground, however few of
+    them hold it.
     """
     mesh, up = rest.mesh, up_vector(scene.up)
     piece, held = point_components(mesh), scene.held.fixed.any(axis=1)
@@ -70,7 +77,7 @@ def standing_pieces(scene: Scene, rest: StaticResult, gravity: float) -> tuple[S
     mass = mesh.volumes * material_of(mesh).rho
     if np.any(scene.gravity_vector):
         mass = np.zeros_like(mass)  # the supports carry it already
-    found = []
+    found, base = [], find_supports(mesh, scene.up)[0].fixed.any(axis=1)
     for number in np.unique(piece[held]):
         reaction = rest.reaction[of_node == number]
         force, nodes = -reaction.sum(axis=0), rest.space.nodes[of_node == number]
@@ -78,6 +85,6 @@ def standing_pieces(scene: Scene, rest: StaticResult, gravity: float) -> tuple[S
         weight = -gravity * up * mass[own].sum()
         turn = np.cross(mass[own] @ mesh.centroids[own], -gravity * up)
         moment = turn - np.cross(nodes, reaction).sum(axis=0)
-        feet = mesh.points[held & (piece == number)]
+        feet = mesh.points[(held | base) & (piece == number)]
         found.append(Standing(feet, force + weight, moment))
     return tuple(found)

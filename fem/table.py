@@ -524,6 +524,20 @@ def load_flows() -> Mapping[str, Flow]:
     return flows
 
 
+class Bulk(NamedTuple):
+    """What many pieces and the air between them are: a row, and how thick a piece is [m]."""
+
+    name: str
+    piece: float
+
+
+@lru_cache(maxsize=1)
+def load_bulks() -> Mapping[str, Bulk]:
+    """Return what is meant by a body far thicker than a piece of a row, by the row's name."""
+    records = _records(DATA / "bulk.csv")
+    return {r["name"]: Bulk(r["bulk"], float(r["piece_m"])) for r in records}
+
+
 # Apparent material: a solid that weighs and bends as the wall and the filling that it stands for.
 #
 # A wall too thin for its own elements is smeared over the solid inside the same surface. With bars

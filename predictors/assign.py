@@ -63,18 +63,17 @@ def predict_materials(
     """
     if both := {key(name) for name in overrides or {}} & {key(name) for name in materials or {}}:
         raise UsageError("assign.part_both", both=min(both))
-    if isinstance(predictor, str):  # a table that is the user's own is its table too
-        kind = PREDICTORS[predictor]
-        if samples < 0:
-            raise UsageError("assign.samples_wanted", samples=samples)
-        if samples and not kind.takes_samples:
+    if samples < 0:
+        raise UsageError("assign.samples_wanted", samples=samples)
+    if isinstance(predictor, str) and (samples or predictor not in PREDICTORS):
+        if not PREDICTORS[predictor].takes_samples:
             able = " or ".join(name for name in PREDICTORS if PREDICTORS[name].takes_samples)
             raise UsageError("assign.samples_finds", predictor=predictor, able=able)
-        options = {"table": table, "samples": samples}
-        predictor = kind(**{name: value for name, value in options.items() if value})
+    options = {"table": table, "samples": samples}  # a table of the user's own is its table too
     table = table or load_table()
     lookup = lookup_of(table)
     seen = None if appearance is None else cache(appearance)
+    retrieves = predictor == "retrieval" or isinstance(predictor, RetrievalPredictor)
     given, overrides = parts, dict(overrides or {})
     parents = tuple(range(len(parts.part_names)))
     whole: Regions | None = None
@@ -103,7 +102,7 @@ def predict_materials(
     # without an asset, by shape alone, the network of voxels divides better
     several = seen is not None and len(bound.sentence.clauses) > len(given.part_names)
     clauses = of_matters(bound.sentence) if several else []
-    if len(clauses) > len(given.part_names) and not isinstance(predictor, RetrievalPredictor):
+    if len(clauses) > len(given.part_names) and not retrieves:
         # of the only part there is words say more than its one choice can hold
         alone = len(given.part_names) == 1
         stated = {key(name) for each in (overrides, materials, values) for name in each or {}}
@@ -139,6 +138,9 @@ def predict_materials(
     if not left_open:
         made = Prediction.of(parts, choices, bound.sentence, alpha=alpha)
         return replace(made, parents=parents, warnings=warnings, regions=numbered)
+    if isinstance(predictor, str):  # loaded where words leave something open, and not before
+        kind = PREDICTORS[predictor]
+        predictor = kind(**{name: value for name, value in options.items() if value})
     if alpha is not None and not predictor.takes_alpha:
         able = " or ".join(name for name in PREDICTORS if PREDICTORS[name].takes_alpha)
         raise UsageError("assign.alpha_moves", part=choices[left_open[0]].part, able=able)

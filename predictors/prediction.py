@@ -89,6 +89,12 @@ class PartChoice:
         return self.unknown is None
 
     @property
+    def by_words(self) -> bool:
+        """Whether words say how stiff or heavy it is, and its values follow them, not a name."""
+        said = self.clause if self.settled else None
+        return said is not None and bool(said.stiffness or said.density or said.comparisons)
+
+    @property
     def is_cellular(self) -> bool:
         """Whether it is cells of its row, as a print or a foam is: lighter than any such matter."""
         kinds = {getattr(line, "kind", "") for line in self.derivation}
@@ -196,6 +202,10 @@ class Prediction:
             if choice.elsewhere:
                 said = choice.clause.text if choice.clause else ""
                 yield Note("prediction.part_called", said=said, **values)
+            elif choice.understood and guess and choice.by_words:
+                said = choice.clause.text if choice.clause else ""
+                values = {"part": choice.part, "material": choice.material, "said": said}
+                yield Note("prediction.by_words", **values)
             elif choice.understood and guess:
                 taken = Note("prediction.guessed") if choice.network else "taken as"
                 guesses.setdefault((taken, choice.material), []).append(choice.part)

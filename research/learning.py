@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import time
 import tomllib
 from collections.abc import Sequence
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
 WEIGHTS, RANGE_WEIGHTS = "film.safetensors", "unipixie.safetensors"
 REGION_WEIGHTS = "regions.safetensors"
 KINDS, KIND_WEIGHTS = "kinds", "matter.json"  # kinds of matter by looks: seconds on any processor
+TAGGER = "tagger"  # words of texts by parts: minutes on a GPU, from texts that it makes
 # AutoPhyX table 1, on a data set that is not published: beside our numbers, not among them.
 PAPER = {"AutoPhyX (OpenCLIP), its own data": (0.042, 0.051, 0.083)}
 PAPER_MASS = {"AutoPhyX, ABO-500": (0.652, 9.433, 0.901, 0.582)}
@@ -41,7 +43,8 @@ def train(
 ) -> dict[str, Any]:
     """Train a network as a TOML file says (or a preset), or go on where it stopped.
 
-    "kinds" fits kinds of matter to looks of real objects, in seconds. Started by ``torchrun`` a
+    "kinds" fits kinds of matter to looks of real objects, in seconds; "tagger" learns from made
+    texts which words speak of which part, on a GPU where there is one. Started by ``torchrun`` a
     network trains on several GPUs.
 
     Parameters
@@ -76,6 +79,8 @@ def train(
     real = data / TRAINING
     if str(config) == KINDS:
         return _train_kinds(real, output)
+    if str(config) == TAGGER:
+        return _train_tagger(output)
     if str(config) in REGION_PRESETS:
         from .datasets.region_sets import RegionCorpus
         from .training.regions.recipe import train_regions
@@ -111,6 +116,21 @@ def _train_kinds(real: Path, output: Path) -> dict[str, Any]:
     output.mkdir(parents=True, exist_ok=True)
     save_kinds(output / KIND_WEIGHTS, found)
     return {"files": [output / KIND_WEIGHTS], "slots": slots}
+
+
+def _train_tagger(output: Path) -> dict[str, Any]:
+    """Learn from made texts which words speak of which part."""
+    from ..predictors.encoders.minilm import packaged_weights
+    from .training.tagger.recipe import made_from, preset, train_tagger
+
+    weights = output / "tagger.safetensors"
+    options = preset()
+    materials, lexicon = made_from()
+    trained = train_tagger(
+        options, materials=materials, lexicon=lexicon, encoder=packaged_weights(),
+        output=weights, resume=output, workers=max(1, (os.cpu_count() or 2) - 1),
+    )  # fmt: skip
+    return {"files": [weights], "steps": trained.steps, "history": trained.history}
 
 
 def _config(config: Path | str) -> TrainingConfig:
@@ -246,7 +266,7 @@ def evaluate_table(
     the figures are not. ``minutes`` are each row's; by default all take the steps of the preset.
     ``weights`` are of the network that is asked as it is (S5, theta), by default the shipped one.
     """
-    from ..predictors.unipixie.inference import WEIGHTS as SHIPPED
+    from ..predictors.unipixie.predictor import WEIGHTS as SHIPPED
     from .evaluation.paper.tables import TableRun, table_of
     from .training.unipixie.config import PRESETS
 

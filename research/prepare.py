@@ -208,8 +208,7 @@ def show_dataset(output: Path, *, count: int = 6, seed: int = 0) -> dict[str, An
 
 def _draw(output: Path, labels: np.ndarray, titles: Sequence[str]) -> None:
     from ..predictors.grid import Grid
-    from ..toolkit.report.picture import Panel, render_png, voxel_shell
-    from ..toolkit.report.tracer import ColouredSurface
+    from ..toolkit.report.picture import ColouredSurface, Panel, render_png, voxel_shell
     from .datasets.shapes import EMPTY, MAX_PARTS
 
     hues = np.random.default_rng(3).uniform(0.25, 0.95, (MAX_PARTS, 3))

@@ -3,11 +3,12 @@
 import ast
 import string
 import tomllib
+from functools import cache
 from pathlib import Path
 
 import pytest
 from autophyx_tet.fem.errors import InputError
-from autophyx_tet.fem.note import Note
+from autophyx_tet.fem.note import Note, severity_of
 from autophyx_tet.toolkit.verdict.check import RESTS_ON
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -22,10 +23,12 @@ def _sentences() -> dict[str, set[str]]:
             name.partition(".")[0] for _, name, _, _ in string.Formatter().parse(text) if name
         }
         for file, table in tables.items()
+        if file != "severity"
         for key, text in table.items()
     }
 
 
+@cache
 def _calls() -> list[tuple[str, str, set[str]]]:
     """(place, kind, names of values) of every note and every error that is made with a kind."""
     calls = []
@@ -58,10 +61,26 @@ def test_every_kind_has_a_sentence_of_its_values():
 
 
 def test_no_sentence_is_left_over():
-    """Nor a name of a check that rests on nothing and that nothing rests on."""
+    """Nor a name of a check that rests on nothing and that nothing rests on, nor a severity."""
     checks = {*RESTS_ON, *(name for names in RESTS_ON.values() for name in names)}
     named = {f"named.{name.replace(' ', '_')}" for name in checks}
-    assert not set(_sentences()) - {kind for _, kind, _ in _calls()} - named
+    kinds = {kind for _, kind, _ in _calls()}
+    assert not set(_sentences()) - kinds - named - {f"severity.{kind}" for kind in kinds}
+
+
+def test_a_severity_is_of_a_kind_that_there_is():
+    told = tomllib.loads((ROOT / "toolkit/verdict/sentences.toml").read_text())["severity"]
+    assert set(told) <= set(_sentences())
+    assert set(told.values()) <= {"note", "error"}  # all others are doubts
+
+
+def test_a_note_of_a_part_matters_as_what_it_says():
+    spelt = Note("lexing.spelt", word="stell", near="steel")
+    lost = Note("reader.beside_left", word="foam")
+    of = {"parts": "part 'a'", "names": ("a",)}
+    assert severity_of(Note("resolve.of_part", said=spelt, **of)) == "note"
+    assert severity_of(Note("resolve.of_part", said=lost, **of)) == "doubt"
+    assert severity_of("words of nobody") == "doubt"
 
 
 def test_a_note_is_its_sentence_and_keeps_its_values():

@@ -8,6 +8,7 @@ import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from tempfile import NamedTemporaryFile
 from typing import TYPE_CHECKING
 from urllib.parse import quote
 
@@ -312,13 +313,20 @@ MESH_ARCHIVE = Format(
 # Medit .mesh, read through meshio: references become regions, which have no names there.
 
 
+COUNTED = re.compile(r"^[ \t]*((?!Mesh|Dim)[A-Z]\w+)[ \t]+(\d+)[ \t]*$", re.MULTILINE)
+
+
 def read_medit(path: str | os.PathLike) -> MeshData:
     """Read the tets of a Medit file and their references."""
     with reading(path, Note("meshdata.medit_mesh")) as source:
         check_counts(source)
         import meshio
 
-        return from_meshio(meshio.medit.read(str(source)))
+        # A count may stand behind its keyword, where meshio wants it on the next line
+        with NamedTemporaryFile("w", suffix=".mesh") as parted:
+            parted.write(COUNTED.sub(r"\1\n\2", source.read_text(errors="replace")))
+            parted.flush()
+            return from_meshio(meshio.medit.read(parted.name))
 
 
 MEDIT = Format("Medit", (".mesh",), read_medit)

@@ -24,8 +24,6 @@ SH_C0 = 0.28209479177387814
 FLAT_SIGMA = 1e-6  # m: the third of a surfel
 LARGEST_LOG = 700.0  # of what exp still is a number of
 MOST_SIGMA = 1e12  # in the unit of the file, as of coordinates
-# A splat this many times farther from the middle than nearly all is a floater of the fit.
-FARTHEST, MOST_OF_ALL = 20.0, 0.99
 _LOGIT_EDGE = 1e-6  # opacities 0 and 1 are kept this far from an infinite logit
 
 
@@ -86,7 +84,7 @@ def is_activated(table: PointTable) -> bool:
 
 
 def sound_splats(table: PointTable) -> tuple[Bool[np.ndarray, "n"], list[str]]:
-    """Which splats have finite numbers and lie with the others, and what to say of those left."""
+    """Which splats have finite numbers, and what to say of the others."""
     with np.errstate(over="ignore"):
         found = gaussians(table)
     finite = np.isfinite(found.means).all(axis=1) & np.isfinite(found.opacity)
@@ -94,17 +92,6 @@ def sound_splats(table: PointTable) -> tuple[Bool[np.ndarray, "n"], list[str]]:
     warnings: list[str] = [Note("gaussians.activated")] if is_activated(table) else []
     if lost := int((~finite).sum()):
         warnings.append(Note("gaussians.not_finite", lost=lost, count=len(table)))
-    away = np.full(len(table), np.inf)
-    if finite.any():
-        means = found.means[finite]
-        away[finite] = np.linalg.norm(means - np.median(means, axis=0), axis=1)
-        most = FARTHEST * np.quantile(away[finite], MOST_OF_ALL)
-        if lost := int((away[finite] > most).sum()):
-            farthest = float(away[finite].max())
-            warnings.append(
-                Note("gaussians.far", lost=lost, count=len(table), farthest=farthest, near=most)
-            )
-        finite &= away <= most
     return finite, warnings
 
 

@@ -66,8 +66,11 @@ def read_ply(path: str | os.PathLike) -> Ply:
         return parse_ply(source.read_bytes())
 
 
-def parse_ply(data: bytes) -> Ply:
-    """Take the bytes of a PLY file apart."""
+def parse_ply(data: bytes, *, surface: bool = False) -> Ply:
+    """Take the bytes of a PLY file apart.
+
+    Of a ``surface``, which is not written again, vertices may have lists or stand behind faces.
+    """
     if not data.startswith(b"ply"):
         raise InputError("ply.first_line", lines=data[:20].decode("utf-8", "replace"))
     head, end, _ = data[:_HEADER_BYTES].partition(b"end_header")
@@ -100,10 +103,18 @@ def parse_ply(data: bytes) -> Ply:
             rows = np.frombuffer(data, dtype.newbyteorder(_ORDERS[encoding]), count, start)
             table, start = rows.astype(dtype), start + size
         elements[name] = table
-    if "vertex" not in elements:
-        raise InputError("ply.vertex_element", wanted=WANTED)
     rest = tuple(header[declared[0].line :]) if declared else ()
-    return Ply(elements, comments, encoding, (rest, data[start:]))
+    ply = Ply(elements, comments, encoding, (rest, data[start:]))
+    if "vertex" not in elements:
+        late = [element for element in declared if element.name == "vertex"] if surface else []
+        if not late:
+            raise InputError("ply.vertex_element", wanted=WANTED)
+        plain = [(name, kind) for name, kind, counter in late[0].fields if counter is None]
+        elements["vertex"] = np.zeros(late[0].count, np.dtype(plain))
+        for rows in listed(ply)["vertex"]:
+            for name, _ in plain:
+                elements["vertex"][name][rows.number] = rows.values[name][:, 0]
+    return ply
 
 
 class _Element(NamedTuple):

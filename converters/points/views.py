@@ -241,12 +241,16 @@ class Pruning(NamedTuple):
 
 
 class Pruned(NamedTuple):
-    """Splats that are matter; how many are too ``faint``, ``outside`` of a crop, or ``loose``."""
+    """Splats that are matter; how many are too ``faint``, ``outside`` of a crop, or ``loose``.
+
+    The farthest of the loose ones is ``away`` [m] from the middle.
+    """
 
     keep: np.ndarray
     faint: int
     outside: int
     loose: int
+    away: float
 
 
 def pruned(splats: Gaussians, by: Pruning) -> Pruned:
@@ -287,7 +291,9 @@ def pruned(splats: Gaussians, by: Pruning) -> Pruned:
     found = near.copy()
     found[near] = (mass >= LOOSE * mass.sum())[cloud]
     count = [int(some.sum()) for some in (keep, inside, found)]
-    return Pruned(found, faint, count[0] - count[1], count[1] - count[2])
+    away = np.linalg.norm(means[inside & ~found] - np.median(where, axis=0), axis=1)
+    far = float(away.max(initial=0))
+    return Pruned(found, faint, count[0] - count[1], count[1] - count[2], far)
 
 
 def splat_body(
@@ -297,7 +303,9 @@ def splat_body(
     """Closed surface [m] of the splats that are matter, and notes on those that float."""
     found = pruned(gaussians(table), by)
     kept = PointTable({name: np.asarray(v)[found.keep] for name, v in table.columns.items()})
-    told = [Note("views.loose", loose=found.loose, count=len(table))] if found.loose else []
+    told = []
+    if found.loose:
+        told.append(Note("views.loose", loose=found.loose, count=len(table), away=found.away))
     return splat_surface(kept, least=0.0), told
 
 

@@ -18,7 +18,7 @@ from ..material import (
     mandel_vector,
 )
 from ..scene.supports import Supports
-from .assembly import BlockMatrix, Discretisation, apply_supports, linear_stiffness
+from .assembly import BlockMatrix, Discretisation, apply_supports, linear_stiffness, stiffness
 
 
 class Response(NamedTuple):
@@ -268,3 +268,21 @@ def geometric_stiffness(grid: Discretisation, stress: Float[np.ndarray, "tets po
     wp.launch(k.geometric_stiffness, len(stress), inputs=inputs, device=grid.device)
     arrays = (values.numpy(), pattern.columns.numpy(), pattern.rows.numpy())
     return csr_array(arrays, shape=(count, count))
+
+
+def stress_stiffness(
+    grid: Discretisation, stress: Float[np.ndarray, "tets points 3 3"]
+) -> BlockMatrix:
+    """What a ``stress`` [Pa] at the points of quadrature adds to a stiffness [N/m].
+
+    K_sigma, and what it lacks of the mean stress p, which works by the change of volume, tr H +
+    (tr H)^2 / 2 - tr(H^2) / 2, and not by Green's strain: p ((tr e)^2 - 2 |e|^2) of the strain e,
+    as lam = p and mu = -p make it. It is small but where the pressure is of the size of mu:
+    confined rubber would buckle by its squeeze alone.
+    """
+    pressure = np.trace(stress, axis1=2, axis2=3).mean(axis=1) / 3
+    matrix = stiffness(grid, pressure, -pressure)
+    values = matrix.values.numpy()
+    values += geometric_stiffness(grid, stress).data[:, None, None] * np.eye(3)
+    matrix.values.assign(values)
+    return matrix

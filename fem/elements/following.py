@@ -56,8 +56,7 @@ class FollowingLoads:
                 p = -np.einsum("fd,fd->f", value, face_normals(mesh.points, faces))
                 self.pressed.append(_Pressed(nodes, p))
             elif load.follows == "torque":
-                carrying = nodes[:, 3:] if space.order == 2 else faces  # as ``traction_force``
-                turned = (faces, carrying, resultant(mesh, load).torque, load.shares)
+                turned = (load, nodes, load.fractions(space.order), resultant(mesh, load).torque)
                 self.turned.append(turned)
         # Shape functions (points, k) and their derivatives (points, k, 2) at weighted points
         t, w = np.polynomial.legendre.leggauss(GAUSS)
@@ -92,10 +91,9 @@ class FollowingLoads:
         for nodes, p, _ in self.pressed:
             across = np.cross(*np.einsum("qks,fkd->sfqd", self.D, x[nodes]))
             np.add.at(total, nodes, -np.einsum("f,q,qk,fqd->fkd", p, self.weights, self.N, across))
-        for faces, carrying, torque, shares in self.turned:
-            areas = face_areas(x, faces)
-            each = turning_traction(x, faces, torque, shares) * areas[:, None] / 3
-            np.add.at(total, carrying, each[:, None])
+        for load, nodes, fractions, torque in self.turned:
+            each = turning_traction(x, load, torque) * face_areas(x, load.faces)[:, None]
+            np.add.at(total, nodes, fractions[:, :, None] * each[:, None])
         return total
 
     def stiffness(

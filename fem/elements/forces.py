@@ -59,16 +59,17 @@ def body_force(
 
 
 def traction_force(mesh: TetMesh, space: Space, load: Traction) -> Float[np.ndarray, "nodes 3"]:
-    """Nodal forces [N] of a surface traction, constant on every face."""
+    """Nodal forces [N] of a surface traction, constant on what it acts on of every face."""
     faces = np.asarray(load.faces)
     if np.ndim(load.value) == 0:
         raise InputError("forces.traction_pa", value=load.value)
     total = np.broadcast_to(load.value, faces.shape) * face_areas(mesh.points, faces)[:, None]
-    if space.order == 2:  # all weight sits at the middles of the edges, a third each
-        faces = edge_nodes(space, faces[:, [[0, 1], [1, 2], [2, 0]]])
+    nodes, fractions = faces, load.fractions(space.order)
+    if space.order == 2:
+        nodes = np.hstack([faces, edge_nodes(space, faces[:, [[0, 1], [1, 2], [2, 0]]])])
     force = np.zeros((len(space.nodes), 3))
-    for k in range(3):
-        np.add.at(force, faces[:, k], total / 3)
+    for k in np.flatnonzero(fractions.any(axis=0)):
+        np.add.at(force, nodes[:, k], total * fractions[:, k, None])
     return force
 
 

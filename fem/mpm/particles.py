@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, replace
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -461,13 +461,28 @@ class Followers:
 def particle_forces(
     scene: Scene, rest: Float[np.ndarray, "particles 3"]
 ) -> Float[np.ndarray, "particles 3"]:
-    """Forces [N] on particles: those of every mesh point go to the particles around it."""
-    total = np.zeros_like(rest)
-    if scene.tractions or scene.forces is not None:
-        space = discretise(scene.mesh, 1)
-        load = load_vector(scene.mesh, space, traction=scene.tractions, forces=scene.forces)
-        loaded = np.flatnonzero(load.any(axis=1))
+    """Forces [N] on particles: those of every mesh point go to the particles around it.
+
+    Particles lie within the surface, where arms are shorter: of every load they have the torque
+    too, by forces as a turn would move them.
+    """
+    mesh, grid, total = scene.mesh, discretise(scene.mesh, 1), np.zeros_like(rest)
+    loads: list[dict[str, Any]] = [{"traction": one} for one in scene.tractions]
+    loads += [] if scene.forces is None else [{"forces": scene.forces}]
+    for one in loads:
+        load = load_vector(mesh, grid, **one)
+        if not (loaded := np.flatnonzero(load.any(axis=1))).size:
+            continue
         all_of_one = {"labels": np.zeros(len(loaded), int), "parts": np.zeros(len(rest), int)}
-        around = Followers.of(scene.mesh.points[loaded], rest, **all_of_one)
-        np.add.at(total, around.near, around.weights[:, :, None] * load[loaded, None])
+        around = Followers.of(mesh.points[loaded], rest, **all_of_one)
+        forces, carries = np.zeros_like(rest), np.zeros(len(rest))
+        np.add.at(forces, around.near, around.weights[:, :, None] * load[loaded, None])
+        sizes = np.linalg.norm(load[loaded], axis=1)
+        np.add.at(carries, around.near, around.weights * sizes[:, None])
+        arms = rest - carries @ rest / carries.sum()
+        moments = np.einsum("p,pi,pj->ij", carries, arms, arms)
+        lost = np.cross(mesh.points, load).sum(axis=0) - np.cross(rest, forces).sum(axis=0)
+        turns = np.trace(moments) * np.eye(3) - moments
+        spin = np.linalg.pinv(turns, rcond=1e-9, hermitian=True) @ lost
+        total += forces + carries[:, None] * np.cross(spin, arms)
     return total

@@ -13,7 +13,7 @@ import numpy as np
 
 from ..errors import InputError, UsageError
 from ..note import Note
-from .loads import pressure, resultant, spread_force, spread_torque
+from .loads import WHOLE, pressure, resultant, spread_force, spread_torque
 from .obstacles import Box, Capsule, Obstacle, Plane, Sphere, obstacle_size
 from .scene import Hold, Scene
 from .selection import Selection, half_space, numbers, select
@@ -110,18 +110,18 @@ class BoundaryConditions:
         make = {"load": spread_force, "pressure": pressure, "torque": spread_torque}
         for kind, spread in make.items():
             for place, value in self._placed(scene, kind):
-                entry, shares = {"kind": kind, "words": place.words}, place.shares
+                entry, parts = {"kind": kind, "words": place.words}, place.parts
                 if not value.any():
                     warnings.append(Note("conditions.load_zero", **entry))
                     continue
-                if not shares.any():  # of a line a force has the faces beside it, a pressure none
-                    if kind == "pressure" or not len(shares):
+                if not parts.any():  # of a line a force has the faces beside it, a pressure none
+                    if kind == "pressure" or not len(parts):
                         raise UsageError("conditions.face_surface", **entry)
-                    warnings.append(Note("conditions.on_a_line", count=len(shares), **entry))
-                    shares = np.ones(len(shares))
+                    warnings.append(Note("conditions.on_a_line", count=len(parts), **entry))
+                    parts = np.tile(WHOLE, (len(parts), 1))
                 number = value if len(value) > 1 else float(value[0])
                 try:
-                    load = spread(mesh, place.faces, number, shares=shares)
+                    load = spread(mesh, place.faces, number, parts=parts)
                 except InputError as error:
                     raise UsageError("conditions.wrong_load", error=error, **entry) from error
                 load = load._replace(name=place.words)

@@ -24,9 +24,10 @@ class Traction(NamedTuple):
         Force per area [Pa], shape (faces, 3), or (3,) for all.
     name
         What it is, in words.
-    shares
-        How much of every face it was meant for, shape (faces,) [1], where it is not all of it:
-        ``value`` is so much smaller, and its force that on the share.
+    parts
+        The part of every face that it acts on, where it is not all of it: means over the face of
+        its quadratic functions, of the corners and of the edges behind each, there, shape (faces,
+        6) [1]. They add up to the share; ``value`` is so much smaller, its force that on the part.
     follows
         'pressure' or 'torque' where it turns with its faces: it stays across them, or its moment
         stays; '': a dead load.
@@ -35,8 +36,27 @@ class Traction(NamedTuple):
     faces: np.ndarray
     value: np.ndarray
     name: str = ""
-    shares: np.ndarray | None = None
+    parts: np.ndarray | None = None
     follows: Literal["", "pressure", "torque"] = ""
+
+    @property
+    def shares(self) -> Float[np.ndarray, "faces"] | None:
+        """How much of every face it acts on [1]; None: all."""
+        return None if self.parts is None else self.parts.sum(axis=1)
+
+    def fractions(self, order: int) -> Float[np.ndarray, "faces k"]:
+        """What every node of a face carries of its force [1], of elements of this order."""
+        parts = WHOLE if self.parts is None else self.parts / self.parts.sum(axis=1, keepdims=True)
+        parts = np.broadcast_to(parts, (len(self.faces), 6))
+        return parts if order == 2 else parts @ CORNERS
+
+
+# Arms of faces below this share of their size are round-off, squared.
+ROUND_OFF = 1e-20
+# Of the whole of a face the middles of its edges have a third each; a linear function of a corner
+# is its quadratic one and half of those of the edges that meet there.
+WHOLE = np.array([0.0, 0.0, 0.0, 1 / 3, 1 / 3, 1 / 3])
+CORNERS = np.vstack([np.eye(3), [[0.5, 0.5, 0.0], [0.0, 0.5, 0.5], [0.5, 0.0, 0.5]]])
 
 
 class Resultant(NamedTuple):
@@ -58,7 +78,7 @@ def pressure(
     faces: Int[np.ndarray, "faces 3"],
     value: float,
     *,
-    shares: Float[np.ndarray, "faces"] | None = None,
+    parts: Float[np.ndarray, "faces 6"] | None = None,
 ) -> Traction:
     """Pressure on outward faces: the traction -p n.
 
@@ -70,8 +90,8 @@ def pressure(
         Ids of points of boundary faces, shape (faces, 3).
     value
         Pressure p [Pa]; a negative one pulls.
-    shares
-        How much of every face is under it [1]; by default all.
+    parts
+        What of every face is under it, as ``Traction`` has it; by default all.
 
     Returns
     -------
@@ -86,7 +106,7 @@ def pressure(
     >>> bool(abs(load.value.sum(axis=0)).max() < 1e-9)  # on a closed surface it has no force
     True
     """
-    load = _shared(faces, -value * face_normals(mesh.points, faces), shares)
+    load = _shared(faces, -value * face_normals(mesh.points, faces), parts)
     return load._replace(follows="pressure")
 
 
@@ -95,7 +115,7 @@ def spread_force(
     faces: Int[np.ndarray, "faces 3"],
     force: Sequence[float] | np.ndarray,
     *,
-    shares: Float[np.ndarray, "faces"] | None = None,
+    parts: Float[np.ndarray, "faces 6"] | None = None,
 ) -> Traction:
     """A force in total, the same on every square metre of faces.
 
@@ -107,8 +127,8 @@ def spread_force(
         Ids of points of boundary faces, shape (faces, 3).
     force
         Force [N], shape (3,).
-    shares
-        How much of every face takes part [1]; by default all.
+    parts
+        What of every face takes part, as ``Traction`` has it; by default all.
 
     Returns
     -------
@@ -124,8 +144,9 @@ def spread_force(
     -100.0
     """
     areas = face_areas(mesh.points, faces)
-    value = np.asarray(force, dtype=float) / (areas if shares is None else areas * shares).sum()
-    return _shared(faces, np.tile(value, (len(faces), 1)), shares)
+    areas = areas if parts is None else areas * parts.sum(axis=1)
+    value = np.asarray(force, dtype=float) / areas.sum()
+    return _shared(faces, np.tile(value, (len(faces), 1)), parts)
 
 
 def spread_torque(
@@ -133,7 +154,7 @@ def spread_torque(
     faces: Int[np.ndarray, "faces 3"],
     torque: Sequence[float] | np.ndarray,
     *,
-    shares: Float[np.ndarray, "faces"] | None = None,
+    parts: Float[np.ndarray, "faces 6"] | None = None,
 ) -> Traction:
     """A torque in total, without a net force: the traction w x r about the centroid of faces.
 
@@ -147,8 +168,8 @@ def spread_torque(
         Ids of points of boundary faces, shape (faces, 3).
     torque
         Torque [N m], shape (3,).
-    shares
-        How much of every face takes part [1]; by default all.
+    parts
+        What of every face takes part, as ``Traction`` has it; by default all.
 
     Returns
     -------
@@ -169,60 +190,59 @@ def spread_torque(
     >>> bool(abs(load.value.sum(axis=0)).max() < 1e-12)  # faces of one size: no force
     True
     """
-    turning = turning_traction(mesh.points, faces, torque, shares)
-    return Traction(faces, turning, shares=shares, follows="torque")
+    turning = turning_traction(mesh.points, Traction(faces, np.zeros(3), parts=parts), torque)
+    return Traction(faces, turning, parts=parts, follows="torque")
 
 
 def turning_traction(
-    points: Float[np.ndarray, "points 3"],
-    faces: Int[np.ndarray, "faces 3"],
-    torque: Sequence[float] | np.ndarray,
-    shares: np.ndarray | None,
+    points: Float[np.ndarray, "points 3"], load: Traction, torque: Sequence[float] | np.ndarray
 ) -> Float[np.ndarray, "faces 3"]:
-    """Traction [Pa] of ``spread_torque`` on faces whose ``points`` are there [m]."""
-    areas, arms = _arms(points, faces, shares)
+    """Traction [Pa] of ``spread_torque`` on the faces of ``load``, whose ``points`` are there."""
+    areas, arms = _arms(points, load)
     square = (areas * (arms**2).sum(axis=1)).sum()
     moments = square * np.eye(3) - np.einsum("f,fi,fj->ij", areas, arms, arms)
     total = np.asarray(torque, dtype=float)
     spin = np.linalg.pinv(moments, rcond=1e-9, hermitian=True) @ total
     # A moment of the line about itself is round-off, 1e-16 of the others: 1e-9 lies far from both.
-    if not (square > 0 and np.allclose(moments @ spin, total, atol=1e-9 * abs(total).max())):
-        raise InputError("loads.torque_about", count=len(faces))
+    turns = square > ROUND_OFF * areas.sum() ** 2  # the middle of one face is that of all
+    if not (turns and np.allclose(moments @ spin, total, atol=1e-9 * abs(total).max())):
+        raise InputError("loads.torque_about", count=len(load.faces))
     turning = np.cross(spin, arms)
-    return turning if shares is None else turning * shares[:, None]
+    return turning if load.shares is None else turning * load.shares[:, None]
 
 
 def resultant(mesh: TetMesh, load: Traction, held: Supports | None = None) -> Resultant:
     """Total force, torque about the centroid of its surface, centroid and area of a load.
 
-    ``held`` tells how much of it lands on fixed points: of every face a third acts at the middle of
-    each edge, as on quadratic elements, and that is fixed in the directions in which both ends are.
+    ``held`` tells how much of it lands on fixed points, of quadratic elements: the middle of an
+    edge is fixed in the directions in which both ends are.
     """
-    areas, arms = _arms(mesh.points, load.faces, load.shares)
+    areas, arms = _arms(mesh.points, load)
     whole = face_areas(mesh.points, load.faces)
     each = np.broadcast_to(load.value, (len(load.faces), 3)) * whole[:, None]
-    middle = mesh.points[load.faces].mean(axis=1)[0] - arms[0]
+    middle = load.fractions(1)[0] @ mesh.points[load.faces[0]] - arms[0]
     total, sizes = each.sum(axis=0), np.abs(each)
     on_fixed = 0.0
     if held is not None and sizes.any():
-        ends = held.fixed[load.faces]
-        free = 1 - (ends & np.roll(ends, 1, axis=1)).mean(axis=1)
-        on_fixed = 1 - float((sizes * free).sum() / sizes.sum())
+        ends, parts = held.fixed[load.faces], np.abs(load.fractions(2))
+        fixed = np.concatenate([ends, ends & np.roll(ends, -1, axis=1)], axis=1)
+        caught = np.einsum("fk,fkd->fd", parts / parts.sum(axis=1, keepdims=True), fixed)
+        on_fixed = float((sizes * caught).sum() / sizes.sum())
     torque = np.cross(arms, each).sum(axis=0)
     return Resultant(total, torque, middle, float(areas.sum()), on_fixed)
 
 
-def _shared(faces: np.ndarray, value: np.ndarray, shares: np.ndarray | None) -> Traction:
-    """Traction of so much of every face, as what it is on the whole of it."""
-    return Traction(faces, value if shares is None else value * shares[:, None], shares=shares)
+def _shared(faces: np.ndarray, value: np.ndarray, parts: np.ndarray | None) -> Traction:
+    """Traction of parts of faces, as what it is on the whole of each."""
+    load = Traction(faces, value, parts=parts)
+    return load if parts is None else load._replace(value=value * parts.sum(axis=1)[:, None])
 
 
 def _arms(
-    points: Float[np.ndarray, "points 3"],
-    faces: Int[np.ndarray, "faces 3"],
-    shares: np.ndarray | None,
+    points: Float[np.ndarray, "points 3"], load: Traction
 ) -> tuple[Float[np.ndarray, "faces"], Float[np.ndarray, "faces 3"]]:
     """Loaded area [m^2] of every face, and the way [m] to its middle from the centroid of all."""
-    areas, middles = face_areas(points, faces), points[faces].mean(axis=1)
-    areas = areas if shares is None else areas * shares
+    areas = face_areas(points, load.faces)
+    areas = areas if load.shares is None else areas * load.shares
+    middles = np.einsum("fk,fkd->fd", load.fractions(1), points[load.faces])
     return areas, middles - areas @ middles / areas.sum()

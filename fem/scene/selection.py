@@ -13,6 +13,7 @@ from jaxtyping import Float, Int
 from ..errors import UsageError
 from ..mesh import TetMesh, cross, face_areas, face_normals, outer_faces
 from ..note import Note
+from .loads import WHOLE
 
 AXES = "xyz"
 METRES = {"um": 1e-6, "mm": 1e-3, "cm": 1e-2, "dm": 0.1, "m": 1.0, "km": 1e3, "in": 0.0254}
@@ -28,14 +29,15 @@ class Selection(NamedTuple):
 
     ``words`` are those of the user, ``axes`` the directions that a support there holds, a subset of
     (0, 1, 2); ``points`` are the ids of the mesh points in it, ``faces`` (faces, 3) those of the
-    surface that lie in it, ``shares`` (faces,) [1] how much of each: none of what only touches it.
+    surface that lie in it, and ``parts`` (faces, 6) how much of each, as ``Traction`` has it: none
+    of what only touches it.
     """
 
     words: str
     axes: tuple[int, ...]
     points: Int[np.ndarray, "points"]
     faces: Int[np.ndarray, "faces 3"]
-    shares: Float[np.ndarray, "faces"]
+    parts: Float[np.ndarray, "faces 6"]
 
 
 def select(mesh: TetMesh, words: str, *, surface: bool = False) -> Selection:
@@ -64,7 +66,7 @@ def select(mesh: TetMesh, words: str, *, surface: bool = False) -> Selection:
         inside = np.isin(mesh.region, _parts(mesh, words, rest))
         faces = faces[inside[owner]]
         ids = np.intersect1d(used, mesh.tets[inside])
-        return Selection(words, axes, ids, faces, np.ones(len(faces)))
+        return Selection(words, axes, ids, faces, np.tile(WHOLE, (len(faces), 1)))
     # Half-spaces (normal, level), or a ball
     planes: list[tuple[np.ndarray, float]] = []
     ball: tuple[np.ndarray, float] | None = None
@@ -93,12 +95,12 @@ def select(mesh: TetMesh, words: str, *, surface: bool = False) -> Selection:
         away = np.maximum(np.linalg.norm(x - ball[0], axis=1) - ball[1], 0.0)
     ids = used[away[used] <= touch]
     # A place is convex: a face whose corners are in it is in it as a whole, others are cut
-    shares = np.isin(faces, ids).all(axis=1).astype(float)
-    if surface and ((planes or ball) and (cut := np.flatnonzero(shares == 0)).size):
+    parts = np.outer(np.all(np.isin(faces, ids), axis=1), WHOLE)
+    if surface and ((planes or ball) and (cut := np.flatnonzero(parts.sum(axis=1) == 0)).size):
         corners = x[faces[cut]]
-        area = _in_planes(corners, planes, touch) if ball is None else _in_ball(corners, *ball)
-        shares[cut] = area / face_areas(x, faces[cut])
-    some = shares > SLIVER
+        inside = _in_planes(corners, planes, touch) if ball is None else _in_ball(corners, *ball)
+        parts[cut] = inside
+    some = parts.sum(axis=1) > SLIVER
     if not (ids.size or (surface and some.any())):
         nearest = used[np.argmin(away[used])]
         place = ", ".join(f"{x:.4g}" for x in mesh.points[nearest])
@@ -112,13 +114,36 @@ def select(mesh: TetMesh, words: str, *, surface: bool = False) -> Selection:
         )
     if surface and not some.any():  # a line or a point: the faces that touch it, none of them in it
         some = np.isin(faces, ids).any(axis=1)
-    return Selection(words, axes, ids, faces[some], shares[some])
+    return Selection(words, axes, ids, faces[some], parts[some])
+
+
+def _parts_of(
+    corners: Float[np.ndarray, "n 3 3"],
+    pieces: Float[np.ndarray, "pieces 3 3"],
+    owner: Int[np.ndarray, "pieces"],
+) -> Float[np.ndarray, "n 6"]:
+    """Integrals of the quadratic functions of triangles over ``pieces`` of them, over their areas.
+
+    The middles of the edges of a piece integrate them exactly.
+    """
+    middles = (pieces + np.roll(pieces, -1, axis=1)) / 2
+    own = corners[owner]
+    ways = np.stack([own[:, 1] - own[:, 0], own[:, 2] - own[:, 0]], axis=2)
+    across = np.linalg.pinv(ways) @ (middles - own[:, :1]).swapaxes(1, 2)
+    L = np.stack([1 - across.sum(axis=1), across[:, 0], across[:, 1]], axis=2)
+    N = np.concatenate([L * (2 * L - 1), 4 * L * np.roll(L, -1, axis=2)], axis=2).mean(axis=1)
+    sizes = np.linalg.norm(
+        np.cross(pieces[:, 1] - pieces[:, 0], pieces[:, 2] - pieces[:, 0]), axis=1
+    )
+    wholes = np.linalg.norm(np.cross(*np.moveaxis(ways, 2, 0)), axis=1)
+    each = N * (sizes / wholes)[:, None]
+    return np.stack([np.bincount(owner, column, len(corners)) for column in each.T], axis=1)
 
 
 def _in_planes(
     corners: Float[np.ndarray, "n 3 3"], planes: list[tuple[np.ndarray, float]], touch: float
-) -> Float[np.ndarray, "n"]:
-    """Area [m^2] of triangles in the half-spaces, cut by one after the other."""
+) -> Float[np.ndarray, "n 6"]:
+    """``_parts_of`` triangles in the half-spaces, cut by one after the other."""
     pieces, owner = corners, np.arange(len(corners))
     for normal, level in planes:
         beyond = pieces @ normal - level
@@ -139,17 +164,20 @@ def _in_planes(
             for made in ((ab, b, c), (ab, c, ac)) if outside == 1 else ((a, ab, ac),):
                 kept.append((np.stack(made, axis=1), owner[rows]))
         pieces, owner = (np.concatenate(group) for group in zip(*kept, strict=True))
-    areas = face_areas(pieces.reshape(-1, 3), np.arange(3 * len(pieces)).reshape(-1, 3))
-    return np.bincount(owner, areas, len(corners))
+    return _parts_of(corners, pieces, owner)
+
+
+# A face that a ball cuts is laid out with so many triangles along an edge.
+CELLS = 24
 
 
 def _in_ball(
     corners: Float[np.ndarray, "n 3 3"], centre: np.ndarray, radius: float
-) -> Float[np.ndarray, "n"]:
-    """Area [m^2] of triangles in a ball: each edge makes one with the middle of the disc.
+) -> Float[np.ndarray, "n 6"]:
+    """``_parts_of`` triangles in a ball: in area exact, where it is by the cells inside.
 
-    The ball cuts the plane of a triangle in a disc; of the triangle of an edge and the middle of
-    the disc, what is beyond it is a sector's.
+    Each edge makes a triangle with the middle of the disc in which the ball cuts the plane; what is
+    beyond the disc of that is a sector's.
     """
     ids = np.arange(3 * len(corners)).reshape(-1, 3)
     normal = face_normals(corners.reshape(-1, 3), ids)
@@ -175,7 +203,21 @@ def _in_ball(
     start, end = np.where(inside > 0, start, 0.0), np.where(inside > 0, end, 0.0)
     u, v, b = (a + share[..., None] * edge for share in (start, end, np.ones_like(start)))
     sectors = sum(np.arctan2(turn(p, q), dot(p, q)) for p, q in ((a, u), (v, b)))
-    return np.abs((square * sectors + turn(u, v)).sum(axis=1)) / 2
+    areas = np.abs((square * sectors + turn(u, v)).sum(axis=1)) / 2
+    met = np.flatnonzero(areas > 0)
+    i, j = np.divmod(np.arange(CELLS**2), CELLS)
+    i, j = i[(up := i + j < CELLS)], j[up]
+    at = np.stack([i, j], axis=1)[:, None] + np.array([[0, 0], [1, 0], [0, 1]])
+    down = np.stack([i, j], axis=1)[i + j < CELLS - 1, None] + np.array([[1, 1], [0, 1], [1, 0]])
+    at = np.concatenate([at, down]) / CELLS
+    cells = np.concatenate([1 - at.sum(axis=2, keepdims=True), at], axis=2) @ corners[met, None]
+    away = np.linalg.norm(cells.mean(axis=2) - centre, axis=2)
+    inside = away <= np.maximum(radius, away.min(axis=1))[:, None]
+    parts = np.zeros((len(corners), 6))
+    parts[met] = _parts_of(corners[met], cells[inside], np.nonzero(inside)[0])
+    whole = face_areas(corners.reshape(-1, 3), ids)
+    sizes = parts.sum(axis=1)
+    return parts * (areas / whole / np.where(sizes > 0, sizes, 1.0))[:, None]
 
 
 def _parts(mesh: TetMesh, words: str, name: str) -> list[int]:

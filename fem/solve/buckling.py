@@ -11,8 +11,8 @@ from ..elements.assembly import node_supports
 from ..elements.elastic import (
     constrained_stiffness,
     displacement_gradients,
-    geometric_stiffness,
     linear_stress,
+    stress_stiffness,
 )
 from ..elements.following import FollowingLoads
 from ..elements.space import element_points
@@ -44,9 +44,9 @@ def find_load_factor(
     What acts are loads and prescribed displacements, which grow together.
 
     The lowest eigenvalue above zero of (K + factor K_sigma) x = 0, with the geometric stiffness
-    K_sigma of the stress of ``result`` (Bathe, Finite Element Procedures, section 6.8.2).
-    ``supports`` are those of the result; pressures in ``traction`` follow their faces, which
-    K_sigma has beside the stress. Beyond ``LARGEST`` the factor is said to be infinite.
+    K_sigma of the stress of ``result`` (Bathe, Finite Element Procedures, section 6.8.2; and
+    ``stress_stiffness``). ``supports`` are those of the result; pressures in ``traction`` follow
+    their faces, which K_sigma has beside the stress. Beyond ``LARGEST`` the factor is infinite.
 
     Raises InputError: Where the result is not linear.
     Raises ConvergenceError: If the mesh is too large for it, or the eigensolver does not reach its
@@ -64,14 +64,14 @@ def find_load_factor(
         raise ConvergenceError("buckling.tets_shape", count=len(result.mesh.tets))
     free = ~held.fixed
     free[grid.space.unused] = False
-    K_sigma = geometric_stiffness(grid, linear_stress(H, body.material))
+    stressed = stress_stiffness(grid, linear_stress(H, body.material))
     start = np.where(free, np.random.default_rng(0).normal(size=free.shape), 0.0)
     following = FollowingLoads(result.mesh, grid.space, traction, held.fixed)
     i, j, turning = following.stiffness(np.zeros_like(start))
 
     def push(x: np.ndarray) -> np.ndarray:
         """Force [N] that all that acts makes of a displacement ``x`` [m]."""
-        force = -(K_sigma @ x)
+        force = -stressed.times(x)
         np.subtract.at(force, i, np.einsum("nij,nj->ni", turning, x[j]))
         return np.where(free, force, 0.0)
 

@@ -161,20 +161,25 @@ class Dynamics:
         return self._known[1]
 
     def _measured(self, time: float, motion: Kinematics, iterations: int) -> Motion:
-        springs = 0.5 * float((self.held.springs * (u := motion.u) ** 2).sum())
+        held, u = self.held, motion.u
+        contact, response = self.contact.forces(u, len(u)), self.response(u)
+        reaction = np.where(held.fixed, response.force - self.load - contact, 0.0)
+        if self.damping and held.fixed.any():
+            reaction += np.where(held.fixed, self.damping.force(u, motion.v), 0.0)
         return Motion(
             time,
             *motion,
-            contact_force=self.contact.forces(u, len(u)),
+            contact_force=contact,
             obstacle_force=self.contact.obstacle_forces(u),
             piece_forces=self.contact.piece_forces(u),
             pressures=self.contact.pressures(u),
             gap=self.contact.gap(u),
             kinetic=0.5 * float((self.mass[:, None] * motion.v**2).sum()),
-            elastic=self.response(u).energy + springs,
+            elastic=response.energy + 0.5 * float((held.springs * u**2).sum()),
             potential=-float((self.load * u).sum()),
             barrier=self.contact.barrier(u),
             iterations=iterations,
+            reaction=reaction - held.springs * u,
         )
 
     def step(self, dt: float) -> Motion:

@@ -7,7 +7,7 @@ is multiplied by what the theory of corners says is still to come at the edges t
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -112,7 +112,8 @@ def wedge_exponents(
     """
     w = np.radians(np.minimum(angle, 360.0))[..., None]
     nu, clamped, sine = nu[..., None], held[..., None], np.sin(w)
-    a = np.add.outer(np.linspace(0.2, 1.1, 19), 1j * np.array([0.0, 0.05, 0.15, 0.3])).ravel()
+    starts = np.linspace(0.2, 1.1, 19)[:, None] + 1j * np.array([0.0, 0.05, 0.15, 0.3])
+    a: Any = starts.ravel()
 
     def equation(a: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The sides' difference, and its slope along a."""
@@ -186,7 +187,7 @@ def find_exponents(
             [np.where(mirrored, 2 * angle[at], angle[at]).round(), nu[at].round(3), clamped]
         )
         unlike, back = np.unique(rows, axis=0, return_inverse=True)
-        found = wedge_exponents(*unlike.T[:2], unlike[:, 2] > 0)[back.ravel()]
+        found = wedge_exponents(unlike[:, 0], unlike[:, 1], unlike[:, 2] > 0)[back.ravel()]
         lower(space.edges[at].ravel(), np.repeat(found, 2), of)
     # Where an interface meets the surface the stiff side holds the soft one
     E, ends = material_of(mesh).E, np.unique(faces)

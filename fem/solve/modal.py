@@ -23,8 +23,8 @@ from ..elements.elastic import (
     ElasticBody,
     constrained_stiffness,
     displacement_gradients,
-    geometric_stiffness,
     linear_stress,
+    stress_stiffness,
 )
 from ..elements.following import FollowingLoads
 from ..elements.forces import consistent_mass, diagonal_mass, lumped_mass
@@ -97,8 +97,7 @@ class Vibrations(NamedTuple):
         if rest is not None and rest.law == Law.LINEAR:
             points = element_points(rest.order)
             H = displacement_gradients(grid, rest.node_displacement, points)
-            K_sigma = geometric_stiffness(grid, linear_stress(H, self.body.material))
-            values += K_sigma.data[:, None, None] * np.eye(3)
+            values += stress_stiffness(grid, linear_stress(H, self.body.material)).values.numpy()
         matrix.values.assign(values)
         if rest is not None:
             lies = rest.node_displacement * (rest.law != Law.LINEAR)

@@ -12,6 +12,7 @@ from ..elements.assembly import discretise, node_supports
 from ..elements.space import EDGES, LARGEST_P2, Space, p2_unknowns
 from ..mesh import TetMesh, material_of
 from ..note import Note
+from ..scene.loads import WHOLE
 from ..scene.scene import Scene
 from ..scene.supports import Supports
 from .error import find_discretisation_error
@@ -98,8 +99,8 @@ def bisected(scene: Scene, marked: Int[np.ndarray, "some"]) -> Scene:
     for load in scene.tractions:
         faces, face = _divided(load.faces, SIDES, space, cut, rank)
         value = np.broadcast_to(load.value, load.faces.shape)[face]
-        shares = None if load.shares is None else load.shares[face]
-        loads.append(load._replace(faces=faces, value=value, shares=shares))
+        parts = None if load.shares is None else load.shares[face, None] * WHOLE
+        loads.append(load._replace(faces=faces, value=value, parts=parts))
     forces = scene.forces
     if forces is not None:
         forces = np.concatenate([forces[:count], np.zeros((int(cut.sum()), 3))])

@@ -256,6 +256,8 @@ class Motion:
         Energies [J]: of gravity and dead forces, and of the obstacles, the last two.
     iterations
         Newton iterations of the step.
+    reaction
+        Force of the supports on every node [N], shape (nodes, 3); None: not known.
 
     Examples
     --------
@@ -281,6 +283,7 @@ class Motion:
     iterations: int
     piece_forces: tuple[PieceForce, ...] = ()
     pressures: ContactPressures | None = None
+    reaction: Float[np.ndarray, "nodes 3"] | None = None
 
     @property
     def energy(self) -> float:
@@ -363,6 +366,12 @@ class MotionResult:
     model_error: ModelError | None = None
     stiffening: float = np.nan
     impact: Impact | None = None
+
+    @property
+    def reactions(self) -> Float[np.ndarray, "frames nodes 3"] | None:
+        """Force of the supports on every node [N] in every frame; None: not known."""
+        known = [frame.reaction for frame in self.frames if frame.reaction is not None]
+        return np.stack(known) if len(known) == len(self.frames) else None
 
     @property
     def displacements(self) -> Float[np.ndarray, "frames points 3"]:

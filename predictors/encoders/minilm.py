@@ -82,13 +82,16 @@ class MiniLM:
                 out[batch] = mean / np.linalg.norm(mean, axis=1, keepdims=True)
         return out
 
-    def _forward(self, tokens: Any) -> Any:
-        """Vectors (n, length, dim) of tokens (n, length)."""
+    def _forward(self, tokens: Any, types: Any = 0, seen: Any = None) -> Any:
+        """Vectors (n, length, dim) of tokens (n, length), of which those not ``seen`` are padding.
+
+        ``types`` (n, length) tells two texts in one row apart.
+        """
         weights, xp, split = self._weights, self._arrays.module, (*tokens.shape, self._heads)
         x = (
             weights["embeddings.word_embeddings.weight"][tokens]
             + weights["embeddings.position_embeddings.weight"][: tokens.shape[1]]
-            + weights["embeddings.token_type_embeddings.weight"][0]
+            + weights["embeddings.token_type_embeddings.weight"][types]
         )
         x = self._norm("embeddings.LayerNorm", x)
         for layer in range(self._layers):
@@ -97,6 +100,8 @@ class MiniLM:
             roles = [self._dense(f"{at}.attention.self.{r}", x) for r in ("query", "key", "value")]
             q, k, v = (role.reshape(*split, -1).swapaxes(1, 2) for role in roles)
             logits = q @ k.swapaxes(-1, -2) / (self.dim // self._heads) ** 0.5
+            if seen is not None:
+                logits = xp.where(seen[:, None, None], logits, -xp.inf)
             weight = xp.exp(logits - xp.amax(logits, -1, keepdims=True))
             weight = weight / weight.sum(axis=-1, keepdims=True)
             mixed = (weight @ v).swapaxes(1, 2).reshape(*tokens.shape, self.dim)

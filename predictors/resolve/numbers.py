@@ -17,7 +17,6 @@ from ...fem.table import (
     MaterialTable,
     MaterialValue,
     Span,
-    key,
     material_of_values,
 )
 from ..prediction import PartChoice
@@ -166,7 +165,8 @@ def with_numbers(
         warnings.append(other)
         del said["E"]
     if blend is not None:
-        fibre = next((name for name in FIBRES if name in blend.material), None)
+        rows = {"CFRP (along fibre)": "carbon", "E-glass fibre": "glass"}  # of the words for them
+        fibre = rows.get(blend.material)
         if fibre is None:
             warnings.append(Note("numbers.part_changes_known", part=part, **vars(blend)))
         else:
@@ -253,10 +253,10 @@ def row_by_numbers(
     light = said.get("rho", math.inf) < row.rho.min / BESIDE or (stiffness or 0) > 3
     if row.name in FOAMED and "rho" in said and light:
         return table.exact(FOAMED[row.name][-1 if (stiffness or 0) > 3 else 0])
-    degree = round(said.get("shore_a", 0.0), -1)
-    graded = f"silicone Shore A{degree:.0f}"
-    if row.name.startswith("silicone rubber") and key(graded) in table.phrases:
-        return table.exact(graded)
+    if row.name.startswith("silicone rubber") and "shore_a" in said:
+        grades = (other for other in table if other.name.startswith("silicone Shore A"))
+        degree = f"A{round(said['shore_a'], -1):.0f}"
+        return next((grade for grade in grades if grade.name.endswith(degree)), row)
     return row
 
 
@@ -344,8 +344,8 @@ def numbers_of_parts(options: Sequence[str]) -> dict[str, dict[str, float]]:
             numbers = {key.strip(): float(value) for key, _, value in items}
         except ValueError as error:
             raise UsageError("numbers.wanted_numbers", option=option, error=error) from error
-        for key, (low, high) in SETTABLE.items():
-            if key in numbers and not low < numbers[key] < high:
-                raise UsageError("numbers.must_lie", key=key, low=low, high=high, option=option)
+        for field, (low, high) in SETTABLE.items():
+            if field in numbers and not low < numbers[field] < high:
+                raise UsageError("numbers.must_lie", key=field, low=low, high=high, option=option)
         found.setdefault(name.strip(), {}).update(numbers)
     return found

@@ -27,6 +27,7 @@ from ...fem.table import (
     MaterialValue,
     Span,
     key,
+    load_bulks,
     load_contents,
     load_table,
 )
@@ -159,6 +160,14 @@ class Lookup:
                  for part in bound.parts]  # fmt: skip
         warnings = (*sentence.notes, *_unread(sentence, idle=all(named)))
         warnings = [note for note in warnings if note not in told]
+        # A matter or a number by itself behind what is said of parts, which it may change
+        for k in bound.unbound:
+            clause, before = sentence.clauses[k], sentence.clauses[k - 1] if k else None
+            says = clause.subject.scope == "none" and (clause.material or clause.numbers)
+            between = sentence.text[before.span[1] : clause.span[0]] if before else "."
+            of = [p.name for p, b in zip(parts, bound.parts, strict=True) if k - 1 in b.clauses]
+            if says and of and not re.search(r"[.;\n]\s", between):
+                warnings.append(_of_parts(Note("reader.beside_left", word=clause.text), of))
         lost = {k for k in bound.unbound if sentence.clauses[k].says_matter}
         whole = {
             (i, k)
@@ -580,6 +589,11 @@ class Decider:
         row = row_by_numbers(
             choice.row, self.table, statement.numbers, statement.first("stiffness")
         )
+        bulk, heaped = load_bulks().get(row.name), []
+        # A body far thicker than a leaf is of many: within a leaf's depth lies less than half of it
+        if bulk and within and within(bulk.piece) < 0.5:
+            heaped = [Note("resolve.bulk", name=row.name, piece=1e3 * bulk.piece, bulk=bulk.name)]
+            row = self.table.exact(bulk.name)
         choice = replace(choice, row=row)
         if statement.override:
             choice = replace(choice, why=f"override: {statement.override!r}", settled=True)
@@ -610,7 +624,7 @@ class Decider:
             blend=statement.first("blend"), volume=volume, within=within,
             named=statement.naming is not None,
         )  # fmt: skip
-        derivation = (*swims, *derivation)
+        derivation = (*heaped, *swims, *derivation)
         choice = replace(choice, value=value, derivation=derivation, exact=exact)
         if derivation and not statement.open:
             choice = replace(choice, settled=True)

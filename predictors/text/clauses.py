@@ -207,13 +207,16 @@ def bind(sentence: Sentence, labels: Sequence[Sequence[str]]) -> Bound:
                             matches[i][k] = PartMatch(HEAD, 1)
                         elif not other and not _is_excepted(i, parts, clause):
                             matches[i][k] = match
+    spoken = [sum(k in found for found in matches) for k in range(len(clauses))]
     lost = [k for k, c in enumerate(clauses) if c.subject.scope == "parts"]
     lost = [k for k in lost if not any(k in found for found in matches)]
     whole, rest, lost = _general(clauses, lost, matches, parts)
     bound = []
     for i, found in enumerate(matches):
-        ks = sorted(found, key=lambda k: (-found[k].words, -found[k].tier, k))
+        # The most words, of these the fewest parts: "link_1 to link_5: steel, link_4: brass"
+        ks = sorted(found, key=lambda k: (-found[k].words, -found[k].tier, spoken[k], k))
         naming = [k for k in ks if clauses[k].material]
+        ks = [k for k in ks if k not in naming or spoken[k] == spoken[naming[0]]]
         # "the back of the seat" is not what "the seat" speaks of.
         ks = [k for k in ks if k not in naming or found[k].words == found[naming[0]].words]
         how: list[How] = [_HOW.get(found[k].tier, "synonym") for k in ks]

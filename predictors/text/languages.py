@@ -19,7 +19,7 @@ from .english import DATA, Atom, Phrase, bare
 from .materials import ReaderLexicon
 from .parts import places
 
-LONGEST = 4  # words of an entry: "mousse à mémoire de forme" is read by its last two
+LONGEST = 5  # words of an entry: "mousse à mémoire de forme" is read by its last two
 SHORTEST = 3  # letters of a part of a compound
 
 
@@ -80,8 +80,14 @@ class Language:
 def languages() -> tuple[Language, ...]:
     """Languages of ``data/languages.toml``."""
     found = []
-    for table in tomllib.loads((DATA / "languages.toml").read_text(encoding="utf-8")).values():
+    data = tomllib.loads((DATA / "languages.toml").read_text(encoding="utf-8"))
+    shared = data.pop("nouns")
+    for at, table in enumerate(data.values(), 1):
         lists = {kind: dict(_entries(table[kind])) for kind in ("small", "matter", "parts")}
+        for kind, lines in shared.items():  # English : German : French : Spanish
+            rows = (line.split(" : ") for line in lines.strip().splitlines())
+            words = "\n".join(f"{row[at]} = {row[0]}" for row in rows)
+            lists[kind] = {**dict(_entries(words)), **lists[kind]}
         endings, links = tuple(table["endings"]), tuple(table.get("links", ()))
         found.append(Language(table["name"], **lists, endings=endings, links=links))
     return tuple(found)
@@ -116,6 +122,11 @@ def glossed(cut: list[Atom], lexicon: ReaderLexicon, known: Collection[str]) -> 
             best, most = language, own
     if best is None:
         return None
+    # Words for the same part are one: "yeux" of a part "oeil_g"
+    alike = {
+        found[0]: own for name, own in names.items()
+        if (found := best.of((name,))) and found[1] == "parts"
+    }  # fmt: skip
     out, unknown, at, last = list[Atom](), set[int](), 0, ""
     while at < len(cut):
         atom = cut[at]
@@ -146,6 +157,10 @@ def glossed(cut: list[Atom], lexicon: ReaderLexicon, known: Collection[str]) -> 
             out.append(atom)
             at, last = at + 1, ""
             continue
+        if found[1] == "parts" and found[0] in alike:
+            out.append(atom._replace(stem=alike[found[0]], end=cut[at + taken - 1].end))
+            at, last = at + taken, "parts"
+            continue
         # Its English words share its place between them
         english_words = re.findall(r"[^\W\d_]+|\d+|[-,]", found[0])
         ends = np.linspace(atom.start, cut[at + taken - 1].end, len(english_words) + 1)
@@ -153,6 +168,8 @@ def glossed(cut: list[Atom], lexicon: ReaderLexicon, known: Collection[str]) -> 
             Atom(word, int(start), int(end), lexicon.model.singular(word.lower()))
             for word, start, end in zip(english_words, ends, ends[1:], strict=False)
         ]
+        if found[1] == "parts":  # "Stahlklinge" of a part "klinge"
+            new[-1] = new[-1]._replace(stem=alike.get(new[-1].text, new[-1].stem))
         # "roue avant gauche": the places stand before the part in English
         if last == "parts" and not best.links and len(new) == 1 and new[0].stem in places():
             part = out.pop()

@@ -47,12 +47,7 @@ class Lexed:
 def lex(text: str, lexicon: ReaderLexicon, names: Sequence[str]) -> Lexed:
     """Cut a text into lexemes and tag them."""
     known = {word for name in names for word in part_name_words(name)}
-    head = text.partition("\n")[0]
-    if head.count(",") and _HEADED.search(head):  # a table with commas between its columns
-        text = re.sub(r",(?!\s)", "|", text)
-    for rule in words()["rewrites"]:  # what stands for a word is written by it, in as many letters
-        width = lambda m, to=rule["to"]: m.expand(to).ljust(len(m[0]))[: len(m[0])]  # noqa: E731
-        text = re.sub(rule["find"], width, text)
+    text = rewritten(text)
     # What stands around a matter; "quenched and tempered" stays of the row that is called so
     ignored = [m for pattern in _IGNORED for m in pattern.finditer(text)]
     plain = atoms(text, lexicon.model, known) if ignored else []
@@ -123,10 +118,17 @@ def lex(text: str, lexicon: ReaderLexicon, names: Sequence[str]) -> Lexed:
     return Lexed(lexemes, [*loads, *notes])
 
 
+def rewritten(text: str) -> str:
+    """The text with what stands for other words written by them, in as many letters."""
+    for rule in words()["rewrites"]:
+        width = lambda m, to=rule["to"]: m.expand(to).ljust(len(m[0]))[: len(m[0])]  # noqa: E731
+        text = re.sub(rule["find"], width, text)
+    return text
+
+
 # Loads that a text speaks of: its words set none, so that they are told with what does.
 
 _LOADS = re.compile(words()["loads"]["pattern"], re.VERBOSE)
-_HEADED = re.compile(r"(?i)(?<!\w)(?:material|mat|werkstoff|matériau|part|part name|bauteil)(?!\w)")
 _CODED = re.compile(r"(?=.*\d)(?=.*[A-Za-z])[^\s%]{3,}")
 _UNIT = re.compile(r" ?(?:[kMG]?Pa|psi|ksi|k?g/|N/)")
 _IGNORED = [re.compile(rf"(?<![\w.])(?:{each})(?!\w)") for each in words()["ignored"]["patterns"]]
@@ -422,6 +424,21 @@ def one_of(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
     return out
 
 
+# Roles of what may stand beside a name in brackets: "(Ti-6Al-4V, ASTM F136)".
+_CALLING = (
+    "material",
+    "word",
+    "digits",
+    "sign",
+    "comma",
+    "told",
+    "size",
+    "hyphen",
+    "empty",
+    "idle",
+)
+
+
 def same_again(lexemes: Sequence[Lexeme], lexicon: ReaderLexicon) -> list[Lexeme]:
     """Join a matter and its name in brackets behind it: "titanium alloy (Ti-6Al-4V, ASTM F136)"."""
     out: list[Lexeme] = []
@@ -435,7 +452,7 @@ def same_again(lexemes: Sequence[Lexeme], lexicon: ReaderLexicon) -> list[Lexeme
         if first.role != "material" or end == at or lexemes[at].role != "open":
             continue
         rows = [x for x in inside if x.role == "material"]
-        others = any(x.part or x.role in ("number", "is", "of", "with") for x in inside)
+        others = any(x.part or x.role not in _CALLING for x in inside)
         if len(rows) == 1 and not others and not first.part:
             (second,) = rows
             mixed = any(isinstance(x.value, Blend) for x in out[-3:])  # "glass-filled PA (PA-GF30)"
@@ -444,6 +461,7 @@ def same_again(lexemes: Sequence[Lexeme], lexicon: ReaderLexicon) -> list[Lexeme
                 out[-1] = replace(first, value=second.value)
             elif first.value.category != second.value.category:
                 continue
+            out[-1] = replace(out[-1], end=lexemes[end].end)
             at = end + 1
     return out
 

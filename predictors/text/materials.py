@@ -301,6 +301,10 @@ def _material(
         return None
     opens = i == 0 or cut[i - 1].text in "|;,\n"  # "spring steel" of a spring, "| saddle leather"
     divided = opens and run[0].stem in listed and stems[1:] in lexicon.rows
+    states = {*words()["states"]["words"], *words()["conditions"]["words"]}
+    divided = divided or (
+        len(stems) > 1 and stems[0] in known and {*stems[1:]} <= states
+    )  # "spaghetti, dry"
     if divided and listed & {atom.stem for atom in cut if atom not in run}:
         return None  # one of a list of parts
     note = words()["confused"].get(text[start:stop].lower(), "")

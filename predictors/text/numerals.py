@@ -89,7 +89,8 @@ _SPREAD = (
 )
 _BOUND = DATA["units"]["bound"]
 _LINK = (
-    r"\s*(?:\((?:ISO|DIN|EN|ASTM)[^()]*\)\s*)?(?:(?:of|is|was|are|=|:|~|≈|about|around|approx\.?|approximately|roughly|ca\.?|at|to|taken as|measured|nominal|mean|,mean"
+    r"\s*(?:\((?:ISO|DIN|EN|ASTM)[^()]*\)\s*)?(?:(?:of|de|von|is|was|are|=|:|~|≈|about|around"
+    r"|approx\.?|approximately|roughly|ca\.?|at|to|taken as|measured|nominal|mean|,mean"
     r"|(?:as )?per (?:the )?(?:data ?sheet|supplier|test|drawing)"
     r"|just|only|exactly|nearly|almost|some|in the range of|(?i:" + _BOUND + r"))\s*)*"
 )
@@ -127,7 +128,7 @@ _SHORE = re.compile(
     rf"(?:\s?(?i:shore))?(?![\w%]|\.\d)"
     rf"|(?i:hardness){_GAP}(?P<n4>\d{{1,3}})\s?°?\s?(?P<s6>[AD])(?!\w)"
     rf"|(?<!\d-)(?P<n2>\d{{1,3}})(?:\s?(?:±|\+/-)\s?\d+)?\s?°?\s?-?(?P<s3>[ADad])?\s?-?"
-    rf"(?:on the )?{_HARD}(?:[\s-]*(?P<s4>[AD])(?!\w))?(?: scale)?(?!\w)"
+    rf"(?:on the )?{_HARD}(?:\s(?i:shore))?(?:[\s-]*(?P<s4>[AD])(?!\w))?(?: scale)?(?!\w)"
     rf"|(?P<n3>(?:10|[1-9])\d)(?:-?(?P<s5>[ADad])| (?P<s7>[AD]))(?![\w-]))"
 )
 _SHORE_OTHER = re.compile(
@@ -142,7 +143,7 @@ _BLEND = re.compile(
     rf"(?:[ -](?i:filled|reinforced|loaded|content))?(?!\w)"
     rf"|(?i:(?:with )?(?P<share3>\d\d?)\s?%(?: short| long| chopped| milled)? glass(?=\W|$))"
     rf"|[- ]?(?P<fibre2>GF|CF)[ -]?(?P<share2>[1-6]\d)(?!\d)"
-    rf"|(?<=[A-Z0-9])[- ](?P<fibre5>GF|CF)(?![\w-]| ?\d)"
+    rf"|(?:(?<=[A-Z0-9])[- ]|(?<= )-)(?P<fibre5>GF|CF)(?![\w-]| ?\d)"
     rf"|{_FIBRES.replace('fibre>', 'fibre4>')}[ -](?i:filled|reinforced|loaded)(?!\w)(?= (?!with))"
 )
 # Walls of a print, beside its infill: "3 walls of 0.4 mm", "4 perimeters", "1.2 mm walls".
@@ -153,6 +154,7 @@ _SKIN = re.compile(
     r"|(?P<t>\.?\d[\d.]*) ?mm (?:solid )?(?:walls?|shells?|skins?|perimeters?)"
 )
 LINE = 0.4e-3  # m: of an extruded line, the width of the usual nozzle
+_FOAM_CODE = re.compile(DATA["codes"]["rho"])
 _TEMPERATURE = re.compile(
     rf"(?P<sign>[-−])?(?P<n>{_NUMBER})\s?(?:[°º]\s?|(?i:deg(?:rees?)?)\s?)(?P<scale>[CFcf])(?:elsius|ahrenheit)?(?!\w)"
 )
@@ -223,6 +225,9 @@ def _special(text: str) -> Iterator[Numeral]:
         note = "" if share else Note("numerals.share_said", match=match[0], usual_share=USUAL_SHARE)
         blend = Blend(_FIBRE_ROWS[fibre[0].lower()], int(share) / 100 if share else USUAL_SHARE)
         yield Numeral(*match.span(), blend, note)
+    for match in _FOAM_CODE.finditer(text):
+        said = Quantity("rho", float(match["rho"]), match["code"])
+        yield Numeral(match.start("code"), match.end("code"), said)
     for match in _SHORE_OTHER.finditer(text):
         yield Numeral(*match.span(), None, Note("numerals.only_shore", match=match[0]))
     for match in _SHORE.finditer(text):

@@ -38,6 +38,7 @@ from .lexing import (
 from .materials import SHORT, ReaderLexicon, lexicon_of
 from .numerals import Blend, Comparison, Quantity, counted_by
 from .parts import known_parts, part_words, places
+from .tables import without_tables
 
 LONGEST = 4000  # characters: a page of notes; a book is a mistake
 _GROUPED = (
@@ -57,7 +58,7 @@ def parse(text: str, table: MaterialTable, names: Sequence[str] = ()) -> Sentenc
     """
     if len(text) > LONGEST:
         raise UsageError("reader.text_characters", count=len(text), longest=LONGEST)
-    lexicon = lexicon_of(table)
+    lexicon, text = lexicon_of(table), without_tables(text)
     lexed = lex(text, lexicon, names)
     lexed.lexemes = point_back(one_of(lone_grades(bare_numbers(lexed.lexemes))))
     lexed.lexemes = same_again(lexed.lexemes, lexicon)
@@ -72,11 +73,26 @@ def parse(text: str, table: MaterialTable, names: Sequence[str] = ()) -> Sentenc
     settle(drafts, lexed)
     unread = unread_lexemes(drafts, lexed, cascade.dropped)
     tell(unread, drafts, lexed.lexemes)
+    clauses = tuple(clause_of(text, draft, lexicon) for draft in drafts)
+    notes = dict.fromkeys([*lexed.notes, *(x.note for x in lexed.lexemes if x.note)])
+    # What is of none: "it only looks like marble"
+    told = [*notes, *(doubt for clause in clauses for doubt in clause.doubts)]
+    told = " ".join([*map(str, told), *(x.text for x in unread)]).lower()
+    states = {*words()["states"]["words"]}
+    aside = [
+        x.text for x in lexed.lexemes
+        if (x.role == "material" or not x.known or x.text.lower() in states) and not x.part
+        and not any(a <= x.start < b for a, b in (clause.span for clause in clauses))
+        and x.text.lower() not in told
+    ]  # fmt: skip
+    if aside:
+        said = ", ".join(map(repr, dict.fromkeys(aside)))
+        notes[Note("reader.aside", words=said)] = None
     return Sentence(
         text,
-        tuple(clause_of(text, draft, lexicon) for draft in drafts),
+        clauses,
         tuple(x.text for x in unread),
-        tuple(dict.fromkeys([*lexed.notes, *(x.note for x in lexed.lexemes if x.note)])),
+        tuple(notes),
         _first_phrase(lexed.lexemes, {*grammar()["signs"], "sign"} - {"word"}),
     )
 
@@ -304,6 +320,9 @@ def _more(cascade: Cascade, head: Draft, other: Draft) -> None:
 
 def _fill(cascade: Cascade, head: Draft, other: Draft) -> None:
     row = other.material.name if other.material else None
+    inner = {name[-1] for name in head.names if name} & {*words()["containers"]["inside"]}
+    if inner and head.material is None:  # "the inside is full of sand"
+        head.material, head.phrase = other.material, other.phrase
     head.filling = cascade.lexicon.contents_called(other.said) or row or head.filling
 
 
@@ -466,8 +485,8 @@ def _mentions(run: list[Lexeme], *, owes: bool) -> list[Mention]:
         role = "word" if place or called else lexeme.role
         if role == "degree":
             degree = lexeme.value
-        elif role == "fake":
-            fake = True
+        elif role == "fake" or (role == "look" and not out and _is_material(run[i + 1 : i + 2])):
+            fake = True  # "imitation ivory"
         elif role == "material" and lexeme.names and len(lexeme.words) > 1:
             # "cardboard box" of a part "box", "spring steel" of a spring: the phrase names the
             # matter, one word of it the part.
@@ -490,7 +509,8 @@ def _mentions(run: list[Lexeme], *, owes: bool) -> list[Mention]:
             last = out[-1] if out else None
             if last and last.kind == "material":
                 before = any(m.kind == "material" for m in out[:-1])  # "CuSn6 gold plated"
-                if role != "coat" or len(out) == 1 or before or i + 1 < len(run):
+                bears = {*lexeme.words} & {*words()["implied"]}  # "laiton chromé": on brass
+                if not bears and (role != "coat" or len(out) == 1 or before or i + 1 < len(run)):
                     out[-1] = replace(last, kind="filling" if role == "fill" else "coating")
             elif last and not last.says and not last.lexeme.part:
                 if lexeme.start - last.lexeme.end <= 1:
@@ -524,6 +544,10 @@ def _mentions(run: list[Lexeme], *, owes: bool) -> list[Mention]:
         elif role == "empty" and not any(m.kind in _SAYING for m in out[-2:]):
             out.append(Mention("part" if i + 1 == len(run) else "modifier", lexeme))
     return out
+
+
+def _is_material(lexemes: Sequence[Lexeme]) -> bool:
+    return any(x.role == "material" for x in lexemes)
 
 
 def _word(lexeme: Lexeme, run: list[Lexeme], i: int) -> Mention:
@@ -591,8 +615,10 @@ SURE, MENDED = 1.0, 0.8  # certainty: as it stands; with something mended, guess
 _BEFORE = 30  # letters before a matter that may hold its state: "rusty galvanised steel"
 _HEDGE = re.compile(
     r"(?i)\b(?:might be|may be|maybe|perhaps|possibly|probably|presumably|not sure|unsure|i think"
-    r"|i guess|t\.?b\.?[cd]\b|to be confirmed|nobody knows|no one knows|unclear|undecided"
-    r"|disputed|conflicting|which is right)"
+    r"|i guess|t\.?b\.?[cd]\b|to be confirmed)"
+)
+_OPEN = re.compile(
+    r"(?i)\b(?:nobody knows|no one knows|unclear|undecided|disputed|conflicting|which is right)"
 )
 _LISTS = ("character", "numbers", "comparisons")  # fields that a clause has from its draft
 _SAME = ("phrase", "kind", "coating", "filling", "blend")
@@ -843,11 +869,11 @@ def clause_of(text: str, draft: Draft, lexicon: ReaderLexicon) -> Clause:
     # Beside a matter by its own name a code, a brand or a treatment changes nothing; not so where
     # that name was mended, or is a family's with the word before it: "brondium alloy"
     mended = any(getattr(x.note, "kind", "") == "lexing.spelt" for x in draft.lexemes)
-    plain = draft.material and not (draft.kind or mended)
-    head = draft.phrase if plain and not draft.material.grade and " " not in draft.phrase else ""
+    row = None if draft.kind or mended else draft.material
+    head = draft.phrase if row and not row.grade and " " not in draft.phrase else ""
     idle = [
         word for word in left
-        if plain and not lexicon.rows.get(lexicon.phrase(word))
+        if row and not lexicon.rows.get(lexicon.phrase(word))
         and not (head and word.isalpha() and re.search(rf"{word}[ -]{re.escape(head)}", text))
         and word not in words()["states"]["words"] and not lexicon.model.is_noun(word.lower())
     ]  # fmt: skip
@@ -863,9 +889,8 @@ def clause_of(text: str, draft: Draft, lexicon: ReaderLexicon) -> Clause:
         stands = r"\b[ ,]+(?!rolled|dip|forged|worked|formed|pressed)(?:\w+ )?$"
         said = [word for word in sorted(states) if re.search(rf"\b{word}{stands}", before)]
         told += [Note("reader.used_values", word=word, phrase=draft.phrase) for word in said]
-    hedge = _HEDGE.search(re.split(r"[;.\n]", text[end:])[0][:_BEFORE]) or _HEDGE.search(
-        text[start:end]
-    )
+    after = re.split(r"[;.\n]", text[end:])[0]
+    hedge = _HEDGE.search(after[:_BEFORE]) or _HEDGE.search(text[start:end]) or _OPEN.search(after)
     if draft.material and hedge:
         told.append(Note("reader.unsure", hedge=hedge[0].strip(), phrase=draft.phrase))
     noted = [x.note for x in draft.lexemes if x.note]

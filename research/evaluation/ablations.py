@@ -14,7 +14,7 @@ from ...predictors.appearance.features import Appearance
 from ...predictors.encoders.minilm import MiniLM
 from ...predictors.encoders.registry import TextEncoder
 from ...predictors.field import Normalisation
-from ...predictors.film.inference import VISION, standard
+from ...predictors.film.predictor import VISION, standard
 from ...predictors.film.words import name_evidence, subject
 from ...predictors.grid import Grid, PartVoxels, pooled
 from ...predictors.matter import by_appearance, by_look, matters, moved, typed_values
@@ -54,7 +54,7 @@ class FilmRow:
         """Return the network with the weights of the setting."""
         import torch
 
-        from ...predictors.film.inference import WEIGHTS, load_checkpoint
+        from ...predictors.film.predictor import WEIGHTS, load_checkpoint
 
         network: FilmUNet = load_checkpoint(setting.weights or WEIGHTS)
         encoder, vocabulary = MiniLM(), Vocabulary(load_table().phrases)

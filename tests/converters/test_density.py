@@ -145,6 +145,7 @@ def test_hostile_density_files(tmp_path):
             read_density(path)
 
 
+@pytest.mark.slow
 def test_volumes_start_without_a_banner(tmp_path):
     """The standard output belongs to --json: writing and reading NanoVDB prints nothing."""
     script = (

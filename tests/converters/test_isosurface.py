@@ -65,6 +65,7 @@ def test_a_body_as_thin_as_its_splats_keeps_its_volume(thin, count):
     assert surface.volume == pytest.approx(thin.volume, rel=0.1)
 
 
+@pytest.mark.slow
 def test_a_density_ball_keeps_its_radius_even_in_a_box_of_oblong_cells():
     """sigma = 20 (1.5 - r) cut at 10 is the unit ball: its volume within 1 %."""
     lo, hi = np.full(3, -1.4), np.full(3, 1.4)

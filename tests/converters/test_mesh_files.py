@@ -206,6 +206,10 @@ def test_medit_is_read(tmp_path):
     path = tmp_path / "m.mesh"
     meshio.write(path, grid)
     assert read_mesh(path).region_names == ("region 1", "region 4")
+    text = path.read_text()
+    path.write_text(text.replace("Vertices\n", "Vertices ").replace("Tetrahedra\n", "Tetrahedra "))
+    assert path.read_text() != text
+    assert read_mesh(path).volume == pytest.approx(6)
 
 
 def test_series_round_trip(tmp_path):

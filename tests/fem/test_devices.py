@@ -74,6 +74,7 @@ def test_an_unknown_device_is_named():
         checked_device("cuda:99")
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not MAPPED.exists(), reason="only Linux says what is resident")
 def test_start_up_leaves_little_of_the_libraries_resident():
     """Of some 110 MB that the start of warp reads, what no kernel needs is given back."""

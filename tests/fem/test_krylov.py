@@ -85,6 +85,7 @@ def test_conjugate_gradients_notice_negative_curvature(matrix):
     assert not cg.reached
 
 
+@pytest.mark.slow
 def test_a_sliced_matrix_multiplies_as_the_matrix(matrix):
     """What a GPU multiplies by: q = A p of uneven rows, and p . q, with the numbers of now."""
     wp = start_warp()

@@ -192,6 +192,7 @@ def test_the_frequency_of_a_beam():
     assert np.isnan(ModalMethod().solve(scene, order=1).error)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("size", "cells", "axis", "moves", "nu", "before"),
     [
@@ -245,6 +246,7 @@ def test_a_cut_mesh_is_the_same_body():
         scene = cut
 
 
+@pytest.mark.slow
 def test_it_is_refined_until_the_error_is_small():
     scene = beam((5, 1, 1))
     goal = 0.02

@@ -29,6 +29,7 @@ def error_left(scaled, degree):
     return vectors @ (shares[:, None] * vectors.T)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("degree", [2, 3])
 @pytest.mark.parametrize(
     ("single", "round_off"),

@@ -155,6 +155,7 @@ def test_a_ring_under_a_pressure_that_follows():
     assert found == pytest.approx(3.0, rel=0.02)  # the polygon of 96 sides, the outer radius
 
 
+@pytest.mark.slow
 def test_a_column_goes_on_bent():
     """At 1.05 of Euler's load the end of the elastica has moved by .28 L, sideways and down.
 

@@ -46,6 +46,7 @@ def law():
     LAWS.unregister("toy")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [1, 2])
 def test_its_derivatives(law, order):
     """Energy, force and tangent fit together, on linear and quadratic tets."""

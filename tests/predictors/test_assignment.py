@@ -8,8 +8,13 @@ import torch
 from autophyx_tet.fem.errors import UsageError
 from autophyx_tet.fem.table import load_table
 from autophyx_tet.predictors.assign import predict_materials
-from autophyx_tet.predictors.film.inference import FilmModel, Inference
-from autophyx_tet.predictors.film.predictor import Calibration, Certainty, FilmPredictor
+from autophyx_tet.predictors.film.predictor import (
+    Calibration,
+    Certainty,
+    FilmModel,
+    FilmPredictor,
+    Inference,
+)
 from autophyx_tet.predictors.film.words import HintedEncoder, overlap, unbound_clauses
 from autophyx_tet.predictors.grid import Grid, PartVoxels
 from autophyx_tet.predictors.partition import SPECK, partition

@@ -9,8 +9,7 @@ from autophyx_tet.fem.errors import InputError
 from autophyx_tet.fem.table import load_table
 from autophyx_tet.predictors.field import DEFAULT, Normalisation
 from autophyx_tet.predictors.film.config import NetworkConfig
-from autophyx_tet.predictors.film.inference import load_checkpoint
-from autophyx_tet.predictors.film.predictor import FilmPredictor
+from autophyx_tet.predictors.film.predictor import FilmPredictor, load_checkpoint
 from autophyx_tet.predictors.film.unet import FilmUNet
 from autophyx_tet.predictors.film.words import CHANNELS
 from autophyx_tet.predictors.grid import Grid, PartVoxels
@@ -58,6 +57,7 @@ def test_a_network_carries_its_ranges(tmp_path):
     assert load_checkpoint(tmp_path / "c").normalisation == DEFAULT
 
 
+@pytest.mark.slow
 def test_a_network_predicts_in_its_own_ranges(tmp_path):
     """The same weights with other ranges: the same numbers in [-1, 1] mean other E, nu and rho."""
     fields = []
@@ -79,6 +79,7 @@ def bound_to_the_first(scene, *_) -> torch.Tensor:
     return logits
 
 
+@pytest.mark.slow
 def test_a_named_material_keeps_its_value_in_other_ranges(tmp_path):
     """The lexicon speaks to a network in that network's numbers: oak is oak in either."""
     oak = TABLE.exact("oak").value()

@@ -73,6 +73,7 @@ def test_steel_is_within_the_ranges():
     np.testing.assert_allclose(DEFAULT.physical(DEFAULT.normalise(*steel))[0], steel.E)
 
 
+@pytest.mark.slow
 def test_masked_norm_sees_occupied_voxels_alone():
     """Padding the grid with empty space changes nothing: one network for any grid."""
     x, mask = torch.randn(1, 8, 4, 4, 4), (torch.rand(1, 1, 4, 4, 4) > 0.4).float()

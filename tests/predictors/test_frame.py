@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from autophyx_tet.predictors.film.inference import Frame
+from autophyx_tet.predictors.film.predictor import Frame
 from autophyx_tet.predictors.grid import Grid, PartVoxels
 
 

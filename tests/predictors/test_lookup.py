@@ -38,6 +38,7 @@ def is_right(parts, text, expected):
     return all(w == "*" or row is TABLE.exact(w) for w, row in zip(wanted, found, strict=True))
 
 
+@pytest.mark.slow
 def test_each_word_goes_to_the_part_it_names():
     for parts, text, expected in TUNED:
         assert is_right(parts, text, expected), (parts, text)

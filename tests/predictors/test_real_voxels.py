@@ -7,6 +7,7 @@ from autophyx_tet.research.datasets.real import CELLS, cube, voxelise
 from autophyx_tet.research.datasets.shapes import EMPTY
 
 
+@pytest.mark.slow
 def test_closed_flat_boxes_are_filled():
     """Boards of three to six cells in any pose: every cell whose centre is inside is filled.
 

@@ -57,6 +57,7 @@ def weights(trained) -> list[float]:
     return [float(trained.network.weight.detach()), float(trained.network.bias.detach())]
 
 
+@pytest.mark.slow
 def test_a_line_is_found():
     """The averaged network is y = 2 x + 1; reports hold what the loss reports, and fall."""
     reports = []

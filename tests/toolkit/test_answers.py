@@ -28,6 +28,7 @@ def answers(body, **options):
     return dict(found(apx.simulate(body.mesh, materials=materials, **options), parts))
 
 
+@pytest.mark.slow
 def test_what_moves_most_is_told_with_its_part_and_place():
     """A post under a load on its head moves most at the head's top."""
     said = answers(post("oak"), load=("part:head=0,0,-1000",))
@@ -35,6 +36,7 @@ def test_what_moves_most_is_told_with_its_part_and_place():
     assert said["Moves most"].endswith(f"{HEIGHT:g}) m")
 
 
+@pytest.mark.slow
 def test_whether_it_gives_way_is_told():
     """Its own weight is nothing to oak; 1e6 N on 0.01 m^2 are 100 MPa, which no oak bears."""
     body = post("oak")

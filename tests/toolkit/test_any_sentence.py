@@ -12,7 +12,7 @@ from autophyx_tet.fem.errors import AutophyxError
 from autophyx_tet.fem.mesh import TetMesh, box_mesh
 from autophyx_tet.fem.table import load_table
 from autophyx_tet.predictors.asset import Asset, Part
-from autophyx_tet.predictors.film.inference import FilmModel
+from autophyx_tet.predictors.film.predictor import FilmModel
 
 from .command import run_here
 
@@ -72,6 +72,7 @@ def any_answer(monkeypatch):
     monkeypatch.setattr(FilmModel, "_run", run)
 
 
+@pytest.mark.slow
 @pytest.mark.blockers
 @pytest.mark.usefixtures("any_answer")
 @pytest.mark.parametrize(

@@ -10,9 +10,9 @@ from autophyx_tet.fem.errors import InputError, UsageError
 from autophyx_tet.fem.mesh import TetMesh, box_mesh
 from autophyx_tet.fem.table import load_table
 from autophyx_tet.predictors.resolve.numbers import numbers_of_parts
-from autophyx_tet.toolkit.asset.own_materials import with_own_rows
 from autophyx_tet.toolkit.cli.main import main
 from autophyx_tet.toolkit.options import AssignOptions
+from autophyx_tet.toolkit.pipeline import with_own_rows
 
 OWN = """
 [[material]]

@@ -67,6 +67,7 @@ def test_a_time_out_is_followed_by_a_coarser_attempt_and_recorded(monkeypatch):
     assert any("1 of 2 attempts failed" in w for w in report.warnings)
 
 
+@pytest.mark.slow
 def test_a_time_out_is_followed_by_a_lattice_and_said(monkeypatch):
     """With the default mesher a lattice takes over: it keeps the volume, no epsilon; it is said.
 
@@ -169,6 +170,7 @@ def test_beads_follow_where_no_lattice_that_fits_keeps_a_part_whole(monkeypatch)
     assert [a.outcome[:9] for a in report.attempts] == ["in pieces", "in pieces", "ok"]
 
 
+@pytest.mark.slow
 def test_an_engine_that_would_take_too_long_is_given_up_by_what_it_says(monkeypatch):
     """Passes it has not begun count by those that it made; other work on the machine does not."""
     assert not hopeless("stage: tetrahedralizing", FORESEEN)  # who knows
@@ -187,6 +189,7 @@ def test_an_engine_that_would_take_too_long_is_given_up_by_what_it_says(monkeypa
     assert (report.mesher, report.ok) == ("stuffing", True)
 
 
+@pytest.mark.slow
 def test_the_time_limit_is_for_all_attempts_together():
     """Once children have taken it no other is begun, and the clock is theirs, not the wall's."""
     ball = trimesh.creation.icosphere(3)

@@ -341,6 +341,8 @@ OBJ_DRESSES = {
     "comments": lambda text: text.replace("\n", " # said here\n").encode(),
     "continued": lambda text: text.replace(" ", " \\\n").encode(),
     "trailing": lambda text: text.replace("\n", "  \n\n").encode(),
+    "utf-16": lambda text: text.encode("utf-16"),
+    "capitals": lambda text: text.replace("v ", "V ").replace("f ", "F ").encode(),
 }
 
 
@@ -417,6 +419,32 @@ def test_ply_text_of_one_line(tmp_path):
     expect(tmp_path / "a.ply", 1)
 
 
+@pytest.mark.parametrize("form", ["ascii", "binary_little_endian"])
+def test_ply_vertices_behind_faces_or_with_lists_of_their_own(tmp_path, form):
+    """The order of elements is free, and a vertex may list its neighbours."""
+    text = form == "ascii"
+    points, faces = [], []
+    for p in CORNERS:
+        plain = "{:g} {:g} {:g} 2 7 7\n".format(*p).encode()
+        packed = np.array(p, "<f4").tobytes() + b"\x02" + np.array([7, 7], "<i4").tobytes()
+        points.append(plain if text else packed)
+    for t in TRIANGLES:
+        plain = "3 {} {} {}\n".format(*t).encode()
+        faces.append(plain if text else b"\x03" + np.array(t, "<i4").tobytes())
+    vertex = (
+        "".join(f"property float {axis}\n" for axis in "xyz") + "property list uchar int near\n"
+    )
+    elements = [
+        (f"element vertex {len(points)}\n{vertex}", b"".join(points)),
+        (f"element face {len(faces)}\nproperty list uchar int vertex_indices\n", b"".join(faces)),
+    ]
+    for order in (elements, elements[::-1]):
+        head = f"ply\nformat {form} 1.0\n" + "".join(declared for declared, _ in order)
+        body = b"".join(rows for _, rows in order)
+        (tmp_path / "a.ply").write_bytes(head.encode() + b"end_header\n" + body)
+        expect(tmp_path / "a.ply", 1, size=(1, 1, 1))
+
+
 def off_cube():
     rows = [f"{len(CORNERS)} {len(QUADS)} 0", *("{:g} {:g} {:g}".format(*p) for p in CORNERS)]
     return rows + ["4 {} {} {} {}".format(*q) for q in QUADS]
@@ -427,6 +455,9 @@ def test_off_without_a_keyword_and_on_one_line(tmp_path):
     for text in ("\n".join(off_cube()), "OFF " + " ".join(off_cube())):
         path.write_text(text)
         expect(path, 1, size=(1, 1, 1))
+    path.write_text("\n".join(off_cube()[:-2]))
+    with pytest.raises(InputError, match="announces 8 vertices and 6 faces, and ends before"):
+        load_asset(path)
     path.write_text("OFF BINARY\n" + "\n".join(off_cube()))
     with pytest.raises(InputError, match="OFF BINARY"):
         load_asset(path)
@@ -435,7 +466,11 @@ def test_off_without_a_keyword_and_on_one_line(tmp_path):
 def test_stl_with_a_wrong_count_and_tail(tmp_path):
     path = tmp_path / "a.stl"
     path.write_bytes(writers.stl_bytes(CORNERS, TRIANGLES, head=b"streamed", count=0))
-    expect(path, 1, told="announces no triangles and holds 12")
+    expect(path, 1, told="announces 0 triangles and holds 12")
+    path.write_bytes(writers.stl_bytes(CORNERS, TRIANGLES, head=b"solid facet of x"))
+    expect(path, 1)
+    path.write_bytes(writers.stl_bytes(CORNERS, TRIANGLES, count=6))
+    expect(path, 1, told="announces 6 triangles and holds 12")
     path.write_bytes(writers.stl_bytes(CORNERS, TRIANGLES, tail=b"x" * 37))
     expect(path, 1, told="37 bytes behind the last triangle")
     path.write_bytes(writers.stl_bytes(CORNERS, TRIANGLES)[:-100])
@@ -454,6 +489,16 @@ def test_stl_text_that_does_not_end(tmp_path):
     path.write_text(text.replace(".", ","))
     with pytest.raises(InputError, match="decimal commas"):
         load_asset(path)
+
+
+def test_stl_solids_of_one_name_are_two(tmp_path):
+    """Also behind the mark that some editors put before a text."""
+    text = "".join(
+        writers.stl_text(CORNERS + np.array([place, 0, 0]), TRIANGLES, name="leg")
+        for place in (0, 2)
+    )
+    (tmp_path / "a.stl").write_text(text, encoding="utf-8-sig")
+    expect(tmp_path / "a.stl", {"leg": 1, "leg.1": 1}, size=(3, 1, 1))
 
 
 def test_stl_a_header_that_says_the_unit(tmp_path):
@@ -480,6 +525,18 @@ def test_collada_units_by_a_parser(tmp_path):
     for nothing in ("0", "", "nan", "-1", "metre"):
         with pytest.raises(InputError, match="wanted a number above 0"):
             load_asset(writers.collada(path, node, unit=f'<unit meter="{nothing}"/>'))
+
+
+def test_collada_what_is_placed_and_not_there_is_told(tmp_path):
+    """A node, a mesh or a rig of another document: left out by name; the reason where all is."""
+    path = tmp_path / "a.dae"
+    lost = '<node name="far"><instance_node url="other.dae#n"/></node>'
+    here = f'<node name="peg">{INSTANCE}</node>'
+    writers.collada(path, here + lost)
+    expect(path, {"peg": 1}, told="the file places 'other.dae#n', which is not in it")
+    writers.collada(path, lost)
+    with pytest.raises(InputError, match="no triangle that is read: the file places 'other"):
+        load_asset(path)
 
 
 def test_collada_instances_are_parts_by_their_nodes(tmp_path):
@@ -613,6 +670,7 @@ def test_fbx_with_a_skin_keeps_names_and_its_unit(tmp_path):
 STEP_BOXES = {"post": ((0, 0, 0), (10, 10, 40)), "plate": ((-20, -20, -5), (30, 30, 0))}
 
 
+@pytest.mark.slow
 def test_step_of_two_parts_gives_two_named_parts(tmp_path):
     pytest.importorskip("cascadio")
     path = tmp_path / "part.step"

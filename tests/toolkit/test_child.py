@@ -72,6 +72,7 @@ def test_a_killed_engine_is_a_crash():
     assert failure.value.kind == "crash"
 
 
+@pytest.mark.slow
 def test_crash_is_told_apart_from_an_error():
     """Negative indices make the engine crash with a signal; an unknown option is an error."""
     with pytest.raises(ChildFailure, match="SIG") as failure:

@@ -83,6 +83,7 @@ def test_a_rare_option_is_an_option():
     assert "no_cache = true" in done.stdout
 
 
+@pytest.mark.slow
 def test_did_you_mean():
     rows = (
         (["converts", "a.obj"], "did you mean convert?"),
@@ -95,6 +96,7 @@ def test_did_you_mean():
         assert words in done.stderr + done.stdout, arguments
 
 
+@pytest.mark.slow
 def test_the_examples_of_the_help_parse():
     """Every command shows at least one call of itself, and its words are options of its own."""
     for name, command in COMMANDS.items():

@@ -97,6 +97,7 @@ BAD_WORDS = (
 )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("call", CALLS)
 def test_bad_words_end_in_one_line_and_leave_nothing(call, cube_msh, tmp_path):
     for options, code, words in rows_for(call, BAD_WORDS):
@@ -137,6 +138,7 @@ def test_an_asset_in_the_place_of_a_mesh_is_told_the_way(verb, cube, tmp_path):
     assert "autophyx-tet convert" in done.stderr
 
 
+@pytest.mark.slow
 def test_a_terminal_without_greek_is_written_to():
     """What ASCII cannot show is a question mark, not a crash."""
     words = [sys.executable, "-m", "autophyx_tet.toolkit.cli", "materials", "oak"]

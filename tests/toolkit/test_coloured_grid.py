@@ -8,8 +8,7 @@ from autophyx_tet.converters.points.gaussians import SH_C0, standard_columns
 from autophyx_tet.converters.points.table import PointTable, write_points
 from autophyx_tet.fem.errors import InputError
 from autophyx_tet.predictors.grid import Grid
-from autophyx_tet.toolkit.asset.coloured_grid import is_carrier, read_coloured_grid
-from autophyx_tet.toolkit.features import features
+from autophyx_tet.toolkit.features import features, is_carrier, read_coloured_grid
 from autophyx_tet.toolkit.options import FeatureOptions
 
 RED, BLUE = np.array([0.9, 0.1, 0.1]), np.array([0.1, 0.1, 0.9])

@@ -68,6 +68,7 @@ def test_what_touches_is_left_alone():
     assert fewer.left_alone == 0
 
 
+@pytest.mark.slow
 def test_small_components_are_left_alone():
     """A crumb of 12 triangles beside a fine ball keeps every one of them, and its volume."""
     ball, crumb = trimesh.creation.icosphere(5), trimesh.creation.box((0.01,) * 3)

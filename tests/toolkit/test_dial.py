@@ -17,7 +17,7 @@ def dialled(tmp_path, capsys, asset, *options):
     return json.loads(capsys.readouterr().out)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_stool_that_nothing_names_goes_from_soft_to_stiff(tmp_path, capsys):
     """A block of one part: E rises in every case, and with it falls what the weight strains.
 

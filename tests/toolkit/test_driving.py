@@ -27,6 +27,7 @@ def scene(tmp_path_factory):
     return folder
 
 
+@pytest.mark.slow
 def test_splats_follow_the_head(scene, tmp_path, capsys):
     """Moved by 2 mm downwards, in centimetres: the last frame is .2 lower, the first is the file.
 

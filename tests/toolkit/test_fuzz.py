@@ -237,6 +237,7 @@ def _soup(seed: int, points: int, faces: int, size: float = 1.0) -> trimesh.Trim
     return trimesh.Trimesh(where, rng.integers(0, points, (faces, 3)), process=False)
 
 
+@pytest.mark.slow
 @given(SOUPS, st.sampled_from([1e-9, 1.0, 1e9]))
 @settings(max_examples=60, deadline=None)
 def test_soups_are_repaired_or_sheets(soup, size):

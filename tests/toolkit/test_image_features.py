@@ -39,6 +39,7 @@ def tower(tmp_path):
     return load_asset(tmp_path / "tower.glb")
 
 
+@pytest.mark.slow
 def test_every_cell_sees_its_own_colour(tower, tmp_path):
     """On its skin the red half sees red, the blue one blue; the second look remembers."""
     voxels, eyes = voxelise(tower, "tower", "test"), Eyes()

@@ -74,6 +74,7 @@ def test_what_touches_is_no_floater_nor_what_is_a_part_nor_many():
     assert without_floaters(asset_of(samples="a scan", gravel=whole), None).left_out == count
 
 
+@pytest.mark.slow
 def test_a_shell_within_another_of_the_same_way_is_told_and_a_cavity_is_none():
     outer, inner = ball(1, subdivisions=3), ball(0.5)
     both = trimesh.util.concatenate([outer, inner])
@@ -170,6 +171,7 @@ def dirty_capture(rng):
     return PointTable(table)
 
 
+@pytest.mark.slow
 def test_splats_are_pruned_cropped_coloured_and_stand_upright(tmp_path):
     """4/3 pi within 3 % whatever floats around; half of it by a crop; blue above, none below."""
     path = tmp_path / "ball.ply"

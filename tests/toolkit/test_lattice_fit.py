@@ -20,6 +20,7 @@ from .test_stuffing import solids_of, turned
 from .test_tetrahedralize import asset_of
 
 
+@pytest.mark.slow
 def test_what_is_thinner_than_the_lattice_is_said():
     """A plate of half an edge beside a cube: its volume is off, and fTetWild is offered."""
     plate = turned(trimesh.creation.box((0.6, 0.6, 0.05)))
@@ -32,6 +33,7 @@ def test_what_is_thinner_than_the_lattice_is_said():
     assert any("'plate'" in one and "--mesher ftetwild" in one for one in said)
 
 
+@pytest.mark.slow
 def test_gaps_that_a_lattice_closes_are_said():
     """Two blocks .3 edges apart become one body: said of both; 1.5 edges apart, of neither."""
     for gap, bodies in ((0.03, 1), (0.15, 2)):
@@ -76,6 +78,7 @@ def test_a_lattice_is_as_fine_as_thin_walls_want():
     assert resolving(solids_of(turned(cube)), target, most=250_000) == target
 
 
+@pytest.mark.slow
 def test_a_bar_that_touches_a_slab_at_an_edge_hangs_on_it():
     """Half of its length beside the slab, edge on edge: beads of .6 % join what came apart.
 
@@ -95,6 +98,7 @@ def test_a_bar_that_touches_a_slab_at_an_edge_hangs_on_it():
         assert any("would come apart" in w for w in report.differences) == (bodies == 1)
 
 
+@pytest.mark.slow
 def test_a_leg_that_its_lattice_cuts_hangs_on_its_cube():
     """A leg of .6 edges, of which most came off: beads are told, and within the volume promised."""
     leg = trimesh.creation.box((0.06, 0.06, 0.5)).apply_translation((0, 0, -0.75))

@@ -7,7 +7,7 @@ import pytest
 import tyro
 from autophyx_tet.fem.errors import InputError
 from autophyx_tet.predictors.encoders import minilm
-from autophyx_tet.predictors.unipixie.inference import load_unipixie
+from autophyx_tet.predictors.unipixie.predictor import load_unipixie
 from autophyx_tet.research.learning import train
 from autophyx_tet.research.prepare import build_dataset, build_ranges, show_dataset
 from autophyx_tet.research.training.unipixie import config

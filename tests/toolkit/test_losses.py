@@ -196,6 +196,7 @@ def test_thin_plates_are_left_out_by_name():
     assert prepared(*asset.parts, thinnest=epsilon / 2).losses.lost == 0
 
 
+@pytest.mark.slow
 def test_leaves_over_a_pot_are_no_body():
     """Leaves that overlap wind three times around what is under them, and enclose nothing."""
     pot = trimesh.creation.cylinder(0.5, 0.6, sections=32)

@@ -56,6 +56,7 @@ def cube(tmp_path_factory):
     return folder / "cube.msh"
 
 
+@pytest.mark.slow
 def test_a_named_material_gives_the_tables_values(cube, tmp_path, capsys):
     """E and rho are the geometric, nu the arithmetic means of the row; the cube is 1e-3 m^3."""
     for material in ("oak", "natural rubber"):
@@ -69,6 +70,7 @@ def test_a_named_material_gives_the_tables_values(cube, tmp_path, capsys):
         assert document["mass"] == pytest.approx(row.value().rho * 1e-3, rel=1e-3), material
 
 
+@pytest.mark.slow
 def test_overrides_are_exact_and_alpha_moves_the_stiffness(cube, tmp_path, capsys):
     """--material wins over the text; alpha 0 and 1 are the ends of the row's range of E."""
     name = read_mesh(cube).region_names[0]

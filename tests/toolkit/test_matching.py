@@ -43,6 +43,7 @@ def test_what_no_lattice_holds_does_not_decide_over_the_rest():
     assert found.misplaced < 0.01
 
 
+@pytest.mark.slow
 def test_a_volume_is_sampled_once_for_all_lattices():
     """And is the same in metres whatever the edge; beads come on top of it."""
     solids, _ = bench()

@@ -1,10 +1,14 @@
 """What a conversion says: which things are likely to be hollow, by the words of their names."""
 
+from dataclasses import replace
+
 import numpy as np
 import trimesh
 from autophyx_tet.fem.mesh import TetMesh, box_mesh
 from autophyx_tet.predictors.asset import Asset, Part
-from autophyx_tet.toolkit.meshing.messages import likely_hollow
+from autophyx_tet.toolkit.meshing.convert import tetrahedralize
+from autophyx_tet.toolkit.meshing.guarantees import ThinPieces
+from autophyx_tet.toolkit.meshing.messages import LEFT_OUT, MOST, likely_hollow, said
 
 
 def hollow(name):
@@ -44,3 +48,31 @@ def test_a_vessel_with_walls_of_its_own_is_not_told_of():
     for tets, told in ((block.tets, ("pot",)), (block.tets[walls], ())):
         mesh = TetMesh(block.points, tets, np.zeros(len(tets), np.int32), ("pot",))
         assert likely_hollow(asset, mesh, {}) == told
+
+
+def test_a_conversion_has_at_most_five_warnings():
+    """What a lattice blurs is one of them, and of many what is left out: nothing goes unsaid."""
+    asset = Asset("ball", (Part("ball", trimesh.creation.icosphere(subdivisions=2)),))
+    _, report = tetrahedralize(asset, mesher="stuffing", edge_length_rel=0.1)
+    assert said(report) == ()
+    worse = replace(
+        report,
+        floaters=3,
+        floating=0.001,
+        sheets=("flag",),
+        thin=ThinPieces(2, ("foil",), 1e-3, 1e-3),
+        lost=("pin",),
+        hollow=("pot",),
+        losses=replace(report.losses, capped=0.3, swallowed=("egg",)),
+        distances=replace(report.distances, sheet_share=0.02, missed_share=0.03),
+        thin_parts=(("leg", 0.4),),
+        closed_gaps=(("rack", 0.2),),
+    )
+    told = said(worse)
+    assert len(told) == MOST
+    for words in ("flag", "foil", "pin", "3 loose pieces", "2.0% of the surface"):
+        assert sum(words in sentence for sentence in told) == 1
+    for words in ("pot", "egg", "leg", "rack", "30% of the volume"):
+        assert any(words in sentence for sentence in told)
+    few = said(replace(report, sheets=("flag",), lost=("pin",)))
+    assert {note.kind for note in few} == {"messages.sheets", "messages.lost"} <= LEFT_OUT

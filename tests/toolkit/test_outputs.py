@@ -11,7 +11,7 @@ from autophyx_tet.fem.errors import InputError
 from autophyx_tet.fem.mesh import box_mesh
 from autophyx_tet.toolkit import pipeline
 from autophyx_tet.toolkit.asset.document import Sidecar
-from autophyx_tet.toolkit.estimate import plan
+from autophyx_tet.toolkit.listing import plan
 from autophyx_tet.toolkit.options import ConvertOptions
 from autophyx_tet.toolkit.report import pages as folder
 
@@ -124,6 +124,7 @@ def test_a_folder_is_written_whole_or_not_at_all(tmp_path):
     assert [path.name for path in (tmp_path / "b").rglob("*")] == ["c", "d.txt"]
 
 
+@pytest.mark.slow
 def test_the_picture_is_drawn_beside_the_report(box, tmp_path, monkeypatch):
     """Each waits for the other to begin; a picture that fails leaves no folder."""
     began, page, draw = (Event(), Event()), folder.run_page, folder.render_png

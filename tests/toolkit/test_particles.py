@@ -70,6 +70,7 @@ def test_a_fall_is_written_reported_and_drawn(bar, tmp_path, capsys):
 CANTILEVER = {"size": (1.0, 0.25, 0.25), "cells": (16, 4, 4)}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("axis", "cells", "both", "damping"),
     # Measured -1.5, 2.3, 1.5, 1.5 and 3.2 %; damped at about the slowest tone, to rest in a second.

@@ -10,6 +10,7 @@ from autophyx_tet.predictors.appearance.views import look_at
 from autophyx_tet.predictors.asset import Asset, Part
 from autophyx_tet.toolkit.asset.bonsai import FINISHES, bonsai
 from autophyx_tet.toolkit.report.picture import (
+    ColouredSurface,
     Scale,
     asset_panel,
     exaggeration,
@@ -18,8 +19,8 @@ from autophyx_tet.toolkit.report.picture import (
     render_png,
     rgb,
     story,
+    trace,
 )
-from autophyx_tet.toolkit.report.tracer import ColouredSurface, trace
 from PIL import Image
 
 

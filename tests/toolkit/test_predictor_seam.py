@@ -209,6 +209,7 @@ def test_an_unknown_encoder_is_refused_before_the_work(files, capsys):
     assert tagged.checked() is tagged
 
 
+@pytest.mark.slow
 def test_stated_numbers_go_from_assign_to_simulate_as_exact(tmp_path, capsys):
     """What the user said in numbers is not widened to its row's range; what was not said is."""
     write_mesh(tmp_path / "bar.msh", two_regions())

@@ -1,7 +1,8 @@
 """A printed part weighs its solid skin and the cells inside it."""
 
+import numpy as np
 import pytest
-from autophyx_tet.fem.mesh import box_mesh
+from autophyx_tet.fem.mesh import TetMesh, box_mesh
 from autophyx_tet.fem.table import load_table
 from autophyx_tet.toolkit.options import AssignOptions
 from autophyx_tet.toolkit.pipeline import assign
@@ -36,3 +37,40 @@ def test_a_print_weighs_what_a_slicer_says(text, skin, infill):
     (choice,) = found.choices
     assert infill**2 * solid.E < choice.value.E < solid.E
     assert not any("slip" in str(check) for check in found.verdicts())
+
+
+def test_a_printed_bracket_weighs_what_a_slicer_says():
+    """An angle of two legs 60 and 40 mm long, 10 mm thick, 30 mm wide; its inside is one too."""
+    long, short, thick, wide, skin, infill = 0.06, 0.04, 0.01, 0.03, 1.2e-3, 0.2
+    block = box_mesh((long, short, wide), (24, 16, 12))
+    centre = block.points[block.tets].mean(axis=1)
+    kept = (centre[:, 0] < thick) | (centre[:, 1] < thick)
+    used, tets = np.unique(block.tets[kept], return_inverse=True)
+    region = np.zeros(len(block.tets[kept]), dtype=np.int32)
+    angle = TetMesh(block.points[used], tets.reshape(-1, 4), region, ("angle",))
+
+    def area(inset):  # of the angle with all its sides moved inwards
+        t = thick - 2 * inset
+        return (long - 2 * inset) * t + (short - thick) * t
+
+    inside = area(skin) * (wide - 2 * skin)
+    rho = load_table().exact("PLA").value().rho
+    by_hand = rho * (area(0.0) * wide - inside + infill * inside)
+    found = assign(angle, "PLA, 20 % infill, 3 walls of .4 mm", options=WORDS)
+    assert found.mesh.mass == pytest.approx(by_hand, rel=0.1)
+
+
+@pytest.mark.parametrize(
+    ("text", "sides", "rho"),
+    [
+        ("leaf", (0.4, 0.4, 0.4), (8, 30)),  # a crown
+        ("leaf", (0.1, 0.1, 0.002), (700, 950)),  # a blade of a leaf
+        ("straw", (0.9, 0.45, 0.35), (70, 140)),  # a bale
+        ("horsehair", (0.1, 0.1, 0.05), (20, 80)),  # a stuffing
+        ("oak", (0.4, 0.4, 0.4), (683, 750)),
+    ],
+)
+def test_what_is_far_thicker_than_a_piece_is_many_of_them(text, sides, rho):
+    found = assign(box_mesh(sides, (4, 4, 4)), text, options=WORDS)
+    (choice,) = found.choices
+    assert rho[0] <= choice.value.rho <= rho[1]

@@ -32,6 +32,7 @@ L, SIDE, E = 1.0, 0.01, 2e11
 BENDING = E * SIDE**4 / 12
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("alpha", "w", "u"), [(0.5, 0.16225, 0.01577), (1.0, 0.30172, 0.05643), (5.0, 0.71379, 0.38763)]
 )
@@ -85,6 +86,7 @@ def test_a_rod_that_is_turned_keeps_its_radius_and_volume(tmp_path):
     assert np.abs(after).mean() == pytest.approx(R, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_a_turned_body_keeps_its_volume():
     """Of the quadratic elements: the integral of J is 1 within .1 %, what the law itself takes."""
     R, length, modulus = 0.01, 0.1, 1e9
@@ -112,6 +114,7 @@ def arch():
     return with_uniform(mesh, E=2e9, nu=0.3, rho=1000.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("load", [2.0, 15.0, 25.0])
 def test_arch_snaps_at_one_load(tmp_path, load):
     """Whatever acts, below and beyond it, the limit load is the same, and CalculiX's to 1 %."""
@@ -142,6 +145,7 @@ def test_frequency_of_a_loaded_column(tmp_path):
     assert "frequency under its load" in said
 
 
+@pytest.mark.slow
 def test_frequency_of_a_wire(tmp_path):
     """A wire of 1 mm under 100 N: f = sqrt(T / rho A) / 2 L = 56.4 Hz, and 1.3 % by its bending."""
     side = 0.001

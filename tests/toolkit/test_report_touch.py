@@ -215,6 +215,7 @@ def test_a_finger_pulls_it_on_a_phone(chromium, page):
     visit.close()
 
 
+@pytest.mark.slow
 def test_magnification_and_pace_are_those_that_show_it(touch):
     """A corner of a post's tip bends, shears and twists; stiffer by 1e4: larger and slower."""
     side, length, E = 0.1, 0.3, 2e4

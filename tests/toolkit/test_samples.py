@@ -51,6 +51,7 @@ def test_half_of_what_is_scattered_is_no_mesh_of_it():
         assert volume.ok == kept
 
 
+@pytest.mark.slow
 def test_one_point_is_asked_for_all_on_its_side():
     """A thin ring and a ball in it: the same points with the same labels, of half the questions."""
     ring = trimesh.creation.torus(1.0, 0.1)

@@ -77,6 +77,32 @@ def test_a_place_has_its_own_area_whatever_the_faces(place, area):
     np.testing.assert_allclose(normal.numbers["reaction"], (0, 0, 7.0), atol=1e-8)
 
 
+@pytest.mark.parametrize(
+    ("place", "at"),
+    [("box:0.83,0,0.1,0.9,0.07,0.1", (0.865, 0.035)), ("near:0.6,0.06,0.1,0.03", (0.6, 0.06))],
+)
+def test_a_load_acts_where_it_is_within_a_face(place, at):
+    """Its moments about the clamp are those of its middle; a disc's to a hundredth of an edge."""
+    mesh = box_mesh((1.0, 0.1, 0.1), (4, 1, 1))
+    mesh = mesh.with_material(ElementMaterial.uniform(len(mesh.tets), E=1e9, nu=0.3, rho=1.0))
+    bent = apx.simulate(mesh, fix=("plane:x<0",), load={place: (0, 0, -8)}, gravity=0)
+    (clamp,) = bent.numbers["reactions"]
+    arm = np.array([at[1] - 0.05, at[0]])  # of the middle, from that of the clamp
+    off = 1e-9 if place.startswith("box") else 2e-3
+    np.testing.assert_allclose(clamp["torque"][:2] / 8, [arm[0], -arm[1]], atol=off)
+
+
+def test_a_disc_on_a_block_sinks_as_boussinesq_says():
+    """2 (1 - nu^2) p a / E in its middle, of a disc less than a cell wide; 6 %: block and mesh."""
+    mesh = box_mesh((1.0, 1.0, 1.0), (6, 6, 6))
+    mesh = mesh.with_material(ElementMaterial.uniform(216 * 6, E=1e6, nu=0.3, rho=1.0))
+    place = "near:0.5,0.5,1,0.1"
+    pressed = apx.simulate(mesh, fix=("plane:z<0",), pressure={place: 1e3}, gravity=0)
+    middle = np.linalg.norm(mesh.points - [0.5, 0.5, 1.0], axis=1).argmin()
+    sinks = -pressed.displacement[middle, 2]
+    assert sinks == pytest.approx(2 * 0.91 * 1e3 * 0.1 / 1e6, rel=0.06)
+
+
 def test_a_load_on_what_is_held_is_told():
     """All of it, half of it on a third of the edges, none: by share, and in words where all is."""
     on = solve(bar(), fix=["part:left"], load={"part:left": (0, 0, -100)}, gravity=0)
@@ -142,6 +168,7 @@ def test_wind_sees_the_outside_alone(body):
     np.testing.assert_allclose(drag, (0.5 * 1.225 * 100 * 1.2, 0, 0), atol=1e-6)
 
 
+@pytest.mark.slow
 def test_pressure_is_outside_unless_it_is_said_to_be_inside():
     """Areas of a box with walls of a sixth: 6 m2 outside, 6 (2/3)^2 inside, and both are told."""
     sides = {"all": 6.0, "inside:all": 6 * (2 / 3) ** 2, "inside:box:0,0,0,1,1,0.4": None}
@@ -194,6 +221,15 @@ def test_what_has_a_grain_is_judged_along_and_across_it(row, sign):
     safety, _ = pulled(sign * along.limit(compression=sign < 0) / 4, row, across=False)
     assert safety.factor == pytest.approx(4.0, rel=1e-3)
     assert safety.direction == "along"
+
+
+@pytest.mark.parametrize("supports", ["base", "three-point"])
+def test_a_block_stands_on_its_base_however_it_is_held(supports):
+    """Three corners of a rectangle have its middle on their edge; its base reaches half a side."""
+    mesh = box_mesh((0.3, 0.2, 0.05), (3, 2, 1))
+    mesh = mesh.with_material(ElementMaterial.uniform(36, E=1e8, nu=0.3, rho=500.0))
+    stands = next(c for c in apx.simulate(mesh, supports=supports).checks() if c.name == "upright")
+    assert stands.value == pytest.approx(0.1, rel=1e-6)
 
 
 def test_a_slanted_grain_follows_tsai_and_hill():

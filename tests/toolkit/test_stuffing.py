@@ -107,6 +107,7 @@ def tip_of_tets_in_line():
     return _tip(box_mesh((1, 0.1, 0.1), (40, 4, 4)), np.eye(3))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "seed", [0, *(pytest.param(i, marks=pytest.mark.slow) for i in range(1, 20))]
 )
@@ -122,6 +123,7 @@ def test_a_tilted_bar_bends_as_it_should(seed, tip_of_tets_in_line):
     assert _tip(mesh, turn) == pytest.approx(tip_of_tets_in_line, rel=0.03)
 
 
+@pytest.mark.slow
 def test_what_two_bodies_of_a_part_share_is_counted_once():
     """Two bars .04 into each other, as one part: 1.96 long, and not 2."""
     bars = [trimesh.creation.box((1, 0.2, 0.2)).apply_translation((x, 0, 0)) for x in (0, 0.96)]
@@ -129,6 +131,7 @@ def test_what_two_bodies_of_a_part_share_is_counted_once():
     assert mesh.volume == pytest.approx(1.96 * 0.04, rel=0.01)
 
 
+@pytest.mark.slow
 def test_the_same_input_gives_the_same_mesh():
     """To the bit, sharp edges and all."""
     box = turned(trimesh.creation.box((1, 0.6, 0.4)))
@@ -137,6 +140,7 @@ def test_the_same_input_gives_the_same_mesh():
     assert (first.tets == second.tets).all()
 
 
+@pytest.mark.slow
 def test_a_lattice_has_50_000_tets_where_no_edge_is_given():
     mesh, _ = stuffed(None, ball=trimesh.creation.icosphere(2))
     assert len(mesh.tets) == pytest.approx(50_000, rel=0.1)

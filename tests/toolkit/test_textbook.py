@@ -162,6 +162,7 @@ def lame_ball(r, a, b, inner, outer, E, nu):
     return r / E * (1 - 2 * nu) * mean + (1 + nu) / E * share / r**2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("place", "inner"), [("all", 0.0), ("inside:all", 1e5)])
 def test_a_hollow_ball_under_pressure(place, inner):
     """Lame's ball, pressed from outside or from within; 3 %: flat faces of 22 degrees."""
@@ -174,6 +175,7 @@ def test_a_hollow_ball_under_pressure(place, inner):
     assert (high - low)[2] / 2 == pytest.approx(exact, rel=0.03)
 
 
+@pytest.mark.slow
 def test_a_round_bar_twists():
     """T L / G J with J = pi R^4 / 2, and T about the axis at the wall; 2 %: 32 flat sides."""
     R, L, T = 0.02, 0.2, 1.0
@@ -262,3 +264,21 @@ def test_a_squeezed_block_pushes_back_with_its_modulus():
     forces = found.motion.obstacle_forces[-1]
     for force, sign in zip(forces[:, 0], (1, -1), strict=True):
         assert sign * force == pytest.approx(1e6 * 0.01 * 0.02, rel=0.02)
+
+
+@pytest.mark.long
+def test_a_fine_plate_keeps_its_elements_and_yields():
+    """A clamped plate of 190,000 unknowns at 1.5 times its yield: quadratic, factor 2 / 3.
+
+    w L^4 / 8 D and 3 w L^2 / t^2 at the wall, nu 0.
+    """
+    E, yields = load_table().exact("S235 structural steel").value().E, 2.15e8
+    mesh = box_mesh((0.5, 0.2, 0.02), (120, 48, 1))
+    mesh = mesh.with_material(ElementMaterial.uniform(len(mesh.tets), E=E, nu=0.0, rho=7850.0))
+    load = 1.5 * yields * 0.02**2 / (3 * 0.5**2)
+    known = {"gravity": 0, "materials": {"body": "S235 structural steel"}}
+    found = apx.simulate(mesh, fix=("plane:x<0",), pressure={"plane:z>0.02": load}, **known)
+    assert found.solved.static.order == 2
+    bends = load * 0.5**4 / (8 * E * 0.02**3 / 12)
+    assert found.solved.max_displacement == pytest.approx(bends, rel=0.01)
+    assert found.safety[0].factor == pytest.approx(1 / 1.5, rel=0.03)

@@ -268,6 +268,7 @@ BAD = (
 )
 
 
+@pytest.mark.slow
 def test_bad_input_ends_in_one_line_and_leaves_nothing(cli, folder):
     for name in ("text.ply", "text.npz"):
         (folder / name).write_text("hello")

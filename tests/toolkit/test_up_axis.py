@@ -11,7 +11,7 @@ from autophyx_tet.converters.points.table import PointTable, write_points
 from autophyx_tet.fem.scene.up import UpAxis, half_turn, up_vector
 from autophyx_tet.predictors.appearance.views import hemisphere, ring
 from autophyx_tet.predictors.asset import Asset, Part, upright
-from autophyx_tet.predictors.film.inference import Frame
+from autophyx_tet.predictors.film.predictor import Frame
 from autophyx_tet.predictors.grid import Grid, PartVoxels
 from autophyx_tet.toolkit.asset.document import Sidecar
 from autophyx_tet.toolkit.asset.load import load_asset
@@ -115,7 +115,7 @@ def test_every_command_takes_the_minus(tmp_path):
     assert "-y" in json.dumps(run)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_splat_of_colmap_rests_on_its_right_end(tmp_path):
     """A cone of splats, its tip at -y: clamped at its wide end, as the plain one with y up."""
     answers = []

@@ -52,6 +52,7 @@ def test_nothing_is_green_beside_a_coarse_mesh_and_one_line_says_so():
     assert "its shape" in line.sentence
 
 
+@pytest.mark.slow
 def test_nothing_is_green_beside_a_guess():
     """Nobody says what it is of: neither usual values nor what follows from them are a pass."""
     mesh = box_mesh((0.3, 0.1, 0.1), (6, 2, 2))
@@ -113,3 +114,31 @@ def test_a_check_has_its_numbers_in_json():
     )
     assert row["outcome"] == "passed"
     assert (row["value"], row["unit"], row["parameter"]) == (pytest.approx(0.3), "m", "size")
+
+
+@pytest.mark.parametrize("cells", [10, 20])
+def test_a_strength_beside_an_inner_corner_is_in_doubt(cells):
+    """An L of steel passes by 1.17 and 1.02, and yields as its mesh is refined: it never passes."""
+    box = box_mesh((1.0, 0.1, 1.0), (cells, 1, cells))
+    kept = ~((box.centroids[:, 0] > 0.2) & (box.centroids[:, 2] > 0.2))
+    ids, tets = np.unique(box.tets[kept], return_inverse=True)
+    mesh = TetMesh.oriented(box.points[ids], tets.reshape(-1, 4))
+    mesh = mesh.with_material(ElementMaterial.uniform(len(mesh.tets), E=2.1e11, nu=0.3, rho=7850.0))
+    known = {"gravity": 0, "materials": {"body": "S235 structural steel"}}
+    pulled = apx.simulate(mesh, fix=("plane:z>1",), load={"plane:x>1": (0, 0, -1.2e5)}, **known)
+    (strong,) = (check for check in pulled.checks() if check.name == "strength")
+    assert strong.value > 1
+    assert strong.outcome == "doubtful"
+    assert "inner corner" in strong.why
+
+
+def test_what_holds_nothing_is_one_check_and_leaves_the_rest_in_doubt():
+    """A cube that floats above another was held where it is: no answer of both is good."""
+    one = box_mesh((0.1, 0.1, 0.1), (1, 1, 1))
+    points = np.vstack([one.points, one.points + np.array([0, 0, 0.15])])
+    mesh = TetMesh.oriented(points, np.vstack([one.tets, one.tets + 8]))
+    mesh = mesh.with_material(ElementMaterial.uniform(12, E=1e7, nu=0.3, rho=1000.0))
+    told = found(apx.simulate(mesh))
+    assert (told["attached"].outcome, told["attached"].value) == ("failed", pytest.approx(0.5))
+    for name in ("holds shape", "buckling", "first frequency"):
+        assert told[name].outcome == "doubtful"

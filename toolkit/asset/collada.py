@@ -53,9 +53,14 @@ def read_collada(path: Path, data: bytes, references: References) -> AssetConten
     called: dict[str, Any] = {}
     counts: dict[str | None, int] = {}
     library = root.find("{*}library_geometries")
-    for instance in list(root.iter("{*}instance_geometry", "{*}instance_controller")):
+    kinds = ("{*}instance_geometry", "{*}instance_controller", "{*}instance_node")
+    for instance in list(root.iter(*kinds)):
         target = by_id.get(instance.get("url", "").lstrip("#"))
-        if target is None or library is None:
+        if target is None:
+            warnings.append(Note("collada.missing", url=instance.get("url", "")))
+            instance.getparent().remove(instance)
+            continue
+        if library is None or instance.tag.endswith("instance_node"):
             continue
         nodes = list(instance.iterancestors("{*}node"))
         above = [node.get("name") or node.get("id") or "" for node in nodes]

@@ -15,7 +15,6 @@ from urllib.parse import unquote
 
 import numpy as np
 
-from ...converters.points.views import Pruning
 from ...converters.registry import Format
 from ...fem.errors import AutophyxError, InputError
 from ...fem.note import Note
@@ -24,6 +23,8 @@ from ...predictors.asset import PlainMesh, UpAxis
 
 if TYPE_CHECKING:
     import trimesh
+
+    from ...converters.points.views import Pruning
 
 log = logging.getLogger(__name__)
 
@@ -101,7 +102,7 @@ class References:
     def __init__(self, folder: Path, *, pruning: Pruning | None = None) -> None:
         self.folder = folder.resolve()
         self.found: dict[str, bytes] = {}
-        self.pruning = pruning or Pruning()
+        self.pruning = pruning
         self.warnings: list[str] = []
 
     def get(self, name: str) -> bytes:

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ...converters.points.views import Pruning
 from ...fem.errors import InputError, NoVolumeError, UsageError
 from ...fem.mesh import USUAL_SIZE
 from ...predictors.asset import Asset, Part, PlainMesh, UpAxis
@@ -28,6 +27,8 @@ from .triangles import Places
 
 if TYPE_CHECKING:
     import trimesh
+
+    from ...converters.points.views import Pruning
 
 
 log = logging.getLogger(__name__)
@@ -108,6 +109,8 @@ def load_asset(
         if np.ptp(surface.mesh.vertices[surface.mesh.faces], axis=(0, 1)).max() > 0:
             surfaces.append(surface)
     if not content.surfaces:
+        if warnings:  # what a parser left out is the reason
+            raise InputError("load.nothing_left", path=path, why="; ".join(warnings))
         raise InputError(f"{path}: holds no triangle: wanted a surface mesh")
     if not surfaces:
         raise InputError(f"{path}: all {len(content.surfaces)} surfaces shrink to one point")
@@ -191,7 +194,11 @@ def scaled(
     return replace(asset, metres_per_unit=float(factor), warnings=tuple(warnings))
 
 
-def _pruning(opacity: float | None, crop: str | None) -> Pruning:
+def _pruning(opacity: float | None, crop: str | None) -> Pruning | None:
+    if opacity is None and crop is None:
+        return None
+    from ...converters.points.views import Pruning
+
     if opacity is not None and not 0 <= opacity < 1:
         raise UsageError("load.opacity", opacity=opacity)
     try:

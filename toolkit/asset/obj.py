@@ -5,6 +5,7 @@ After Wavefront's "Object Files (.obj)", appendix B1 of the Advanced Visualizer 
 
 from __future__ import annotations
 
+import codecs
 import re
 from collections import Counter
 from pathlib import Path
@@ -53,6 +54,7 @@ def read_obj(path: Path, data: bytes, references: References) -> AssetContent:
         if not words:
             continue
         key, *rest = words
+        key = key.lower()
         if key in rows:
             rows[key].append(rest)
         elif key in ("f", "fo"):
@@ -106,6 +108,8 @@ OBJ = Format("OBJ", (".obj",), read=read_obj, keeps=frozenset({Keeps.PARTS}))
 def _text(data: bytes) -> tuple[str, list[str]]:
     """Lines of a file, each whole and ended by one mark, in whatever alphabet they are."""
     warnings = []
+    if data[:2] in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE):
+        data = data.decode("utf-16", errors="replace").encode()
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError:

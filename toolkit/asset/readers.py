@@ -3,23 +3,25 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...converters.carriers import is_density
-from ...converters.grids import density_surface, read_density
 from ...converters.points.gaussians import sound_splats
 from ...converters.points.ply import listed, parse_ply, ply_points
 from ...converters.points.table import PointTable, read_points
-from ...converters.points.views import Pruning, splat_body
 from ...converters.registry import Format, Keeps
 from ...fem.errors import InputError
 from ...fem.note import Note
 from ...predictors.asset import PlainMesh, UpAxis
 from .formats import AssetContent, NamedSurface, References, decoded
+
+if TYPE_CHECKING:
+    from ...converters.points.views import Pruning
+
 
 # OFF with polygons of any size and per-face colours; the keyword may be missing.
 
@@ -39,13 +41,15 @@ def read_off(path: Path, data: bytes, references: References) -> AssetContent:
     vertices, faces = (int(n) for n in words[0][:2])
     if vertices + faces > len(words) - 1 and not (kind and kind[0] != "OFF"):
         # Not a line each: plain points and polygons one after the other
-        flat = iter([word for line in words for word in line][3:])
-        words = [words[0], *([next(flat) for _ in range(3)] for _ in range(vertices))]
-        for _ in range(faces):
-            count = next(flat)
-            words.append([count, *(next(flat) for _ in range(int(count)))])
+        flat = [word for line in words for word in line][3:]
+        words = [words[0], *(flat[3 * i : 3 * i + 3] for i in range(min(vertices, len(flat) // 3)))]
+        at = 3 * vertices
+        while at < len(flat) and len(words) <= vertices + faces:
+            end = at + 1 + int(flat[at])
+            words.append(flat[at:end])
+            at = end
     if vertices + faces > len(words) - 1:
-        raise ValueError(f"announces {vertices} vertices and {faces} faces, has fewer lines")
+        raise InputError("readers.off_cut", path=path, vertices=vertices, faces=faces)
     points = np.array([[float(x) for x in w[:3]] for w in words[1 : vertices + 1]])
     polygons = words[vertices + 1 : vertices + faces + 1]
     if any(int(w[0]) >= len(w) for w in polygons):
@@ -69,6 +73,7 @@ _VERTEX = re.compile(rb"\bvertex\s+(\S+)\s+(\S+)\s+(\S+)", re.IGNORECASE)
 _SOLID = re.compile(rb"^[ \t]*(end)?solid\b[ \t]*([^\r\n]*)", re.IGNORECASE | re.MULTILINE)
 _UNIT = re.compile(rb"\bunits?\s*[=:]\s*(mm|cm|m|in(?:ch)?)\b", re.IGNORECASE)
 STL_HEADER, STL_TRIANGLE = 84, 50  # bytes
+BOM = b"\xef\xbb\xbf"  # of UTF-8, which editors put before a text
 STL_METRES = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254, "inch": 0.0254}
 
 
@@ -77,11 +82,14 @@ def read_stl(path: Path, data: bytes, references: References) -> AssetContent:
 
     Raises InputError: Where the file is cut short.
     """
+    data = data.removeprefix(BOM)
     unit = _UNIT.search(data[:256])
     metres = STL_METRES[unit[1].decode().lower()] if unit else None
     found: list[tuple[str, np.ndarray]] = []
     warnings = []
-    if data.lstrip()[:5].lower() == b"solid" and _FACET.search(data[:4096]):
+    announced = int.from_bytes(data[80:STL_HEADER], "little")
+    binary = len(data) == STL_HEADER + STL_TRIANGLE * announced  # whatever the header says
+    if not binary and data.lstrip()[:5].lower() == b"solid" and _FACET.search(data[:4096]):
         marks = [(m.start(), m[1] is None, m[2].decode("utf-8", "replace").strip())
                  for m in _SOLID.finditer(data)]  # fmt: skip
         begins = [(at, name) for at, begin, name in marks if begin]
@@ -97,25 +105,25 @@ def read_stl(path: Path, data: bytes, references: References) -> AssetContent:
                 raise InputError("readers.stl_cut", path=path, count=len(found[-1][1]) // 3)
             warnings.append(Note("readers.stl_end"))
     elif len(data) >= STL_HEADER:
-        announced = int(np.frombuffer(data, "<u4", 1, 80)[0])
-        there, _rest = divmod(len(data) - STL_HEADER, STL_TRIANGLE)
-        count = there if announced == 0 else announced
-        if count > there:
+        there, rest = divmod(len(data) - STL_HEADER, STL_TRIANGLE)
+        if announced > there:
             raise InputError("readers.stl_announced", path=path, announced=announced, there=there)
-        if announced == 0 and there:
-            warnings.append(Note("readers.stl_count", there=there))
+        # A count that was never filled in, or that of an earlier state, before whole triangles
+        count = there if announced == 0 or rest == 0 else announced
+        if announced < count:
+            warnings.append(Note("readers.stl_count", announced=announced, there=there))
         if left := len(data) - STL_HEADER - STL_TRIANGLE * count:
             warnings.append(Note("readers.stl_tail", left=left))
         row = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("more", "<u2")])
         rows = np.frombuffer(data, row, count, STL_HEADER)
         found.append(("", rows["corners"].reshape(-1, 3).astype(np.float64)))
-    surfaces = [
-        NamedSurface(
-            PlainMesh(c, np.arange(len(c)).reshape(-1, 3)), (name,) if len(found) > 1 else ()
-        )
-        for name, c in found
-        if len(c)
-    ]
+    surfaces, names = [], Counter[str]()
+    for name, corners in found:
+        if len(corners):
+            own = f"{name}.{names[name]}" if names[name] else name
+            names[name] += 1
+            mesh = PlainMesh(corners, np.arange(len(corners)).reshape(-1, 3))
+            surfaces.append(NamedSurface(mesh, (own, name) if len(found) > 1 else ()))
     return AssetContent(surfaces, metres=metres, warnings=tuple(warnings))
 
 
@@ -130,9 +138,13 @@ def read_carrier(path: Path, data: bytes, references: References) -> AssetConten
 
     Our own archive of a density grid is metres by contract; nothing else names its unit.
     """
+    from ...converters.carriers import is_density
+
     if not is_density(path):
         up = "y" if path.suffix.lower() == ".spz" else "-y"  # its specification says y up
         return points_content(read_points(path), references.pruning, up=up)
+    from ...converters.grids import density_surface, read_density
+
     grid = read_density(path)
     surface = NamedSurface(density_surface(grid))
     cells = " × ".join(map(str, grid.density.shape))
@@ -140,7 +152,9 @@ def read_carrier(path: Path, data: bytes, references: References) -> AssetConten
     return AssetContent([surface], metres=metres, samples=f"a grid of {cells} cells")
 
 
-def points_content(table: PointTable, pruning: Pruning, *, up: UpAxis = "-y") -> AssetContent:
+def points_content(
+    table: PointTable, pruning: Pruning | None, *, up: UpAxis = "-y"
+) -> AssetContent:
     """Surface through splats, or the finite points of a cloud.
 
     y points down in COLMAP, by whose cameras most splats are trained.
@@ -149,7 +163,9 @@ def points_content(table: PointTable, pruning: Pruning, *, up: UpAxis = "-y") ->
         sound, warnings = sound_splats(table)
         if not sound.any():
             raise InputError("readers.no_splats", count=len(table))
-        surface, told = splat_body(table.only(sound), pruning)
+        from ...converters.points.views import Pruning, splat_body
+
+        surface, told = splat_body(table.only(sound), pruning or Pruning())
         samples = f"{int(sound.sum()):,} Gaussians"
         notes = (*warnings, *told)
         return AssetContent([NamedSurface(surface)], up_guess=up, samples=samples, warnings=notes)
@@ -169,7 +185,7 @@ CARRIER = Format("splats, cloud or density grid", (*_SPLATS, *_GRIDS, *_CLOUDS),
 
 def read_ply_surface(path: Path, data: bytes, references: References) -> AssetContent:
     """Read polygons as fans, strips as triangles; of a file without both its points."""
-    ply = parse_ply(data)
+    ply = parse_ply(data, surface=True)
     table = ply_points(ply)
     if table.is_splat:
         return points_content(table, references.pruning)

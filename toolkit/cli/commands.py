@@ -68,7 +68,7 @@ class ConvertCommand:
         from ..pipeline import convert
 
         if self.dry_run:
-            from ..estimate import plan
+            from ..listing import plan
 
             return plan(self.asset, self.options, output=self.output)
         with terminal.progress(quiet=self.common.quiet) as tell:
@@ -182,7 +182,7 @@ class RunCommand:
         from ..pipeline import run
 
         if self.dry_run:
-            from ..estimate import plan
+            from ..listing import plan
 
             return plan(
                 self.asset,

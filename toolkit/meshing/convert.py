@@ -49,8 +49,6 @@ from .guarantees import (
 from .meshers import AUTO, FTETWILD, MESHERS, STUFFING, chosen_mesher
 from .messages import differences, left_out, likely_hollow, listed, no_mesh, no_volume, said
 from .quality import Quality, quality
-from .stuffing.mesher import resolving
-from .stuffing.pieces import pieces_of
 
 # Of the surface through splats or points: a body that lacks more of it is another one.
 MOST_GUESSED = 0.4
@@ -211,6 +209,8 @@ def _report(
         distances=made.distances,
         split_edges=filling.mesh.split_edges,
         doubled_points=filling.mesh.doubled_points,
+        mended_vertices=filling.mesh.mended,
+        pinched=tuple(map(tuple, filling.mesh.pinched + asset.bounds.mean(axis=0))),
         layers=filling.target.layers,
         mesher=FTETWILD if filling.lattice is None else STUFFING,
         beads=fit.beads,
@@ -305,6 +305,8 @@ class Problem:
         Of surfaces that are samples specks of tets are left out: their thin places are noise.
         """
         if self.asset.sampled and filling.lattice is not None:
+            from .stuffing.pieces import pieces_of
+
             piece, volumes = pieces_of(filling.mesh.tets), signed_volumes(*filling.mesh[:2])
             size = np.bincount(piece, weights=volumes)
             kept = (size >= SPECK * size.sum())[piece]
@@ -474,6 +476,8 @@ def _lattices(problem: Problem) -> Iterator[Way]:
     first, solids, most = problem.target, problem.ready.solids, int(WHOLE_TETS / FULLER)
     free = problem.max_tets is None and not first.edge_is_given
     if free and first.sharp:
+        from .stuffing.mesher import resolving
+
         first = resolving(solids, first, most=most)
     yield STUFFING, first, lambda: solids
     for factor in FINER if free else ():

@@ -23,7 +23,8 @@ from ..asset.triangles import (
     linked_groups,
     sample,
 )
-from .guarantees import ENVELOPE_SHARE, Separated, separate
+from .guarantees import ENVELOPE_SHARE, Separated
+from .pinches import manifold
 
 EDGE_LENGTH_REL = 0.05  # of the diagonal: the edge that is wanted where none is given
 # Tets that a lattice has where no edge is given: a thing of a few parts is resolved, and quadratic
@@ -37,6 +38,9 @@ DECIMATED_SHARE = 0.25  # of epsilon: how far the surface that the engine gets i
 # CPU seconds that fTetWild may take where a lattice will do, those after which what is to come is
 # foreseen, and the passes that most bodies need: after the first two or three few tets are bad.
 HURRIED, FORESEEN, PASSES = 60.0, 10.0, 4
+WORST = (
+    2.0  # degrees from flat: a new tet where hollows touch is no worse; the engine's have 3 to 5
+)
 OUTSIDE, NEAR = -1, -2  # labels of points in no part, and of those near the input's surface
 CONFORMING_ROUNDS = 5  # relabelled tets show new vertices; crumbs are one or two tets wide
 
@@ -188,7 +192,8 @@ def run_engine(solids: Solids, target: EngineTarget, runner: Runner) -> Filling:
         part = conforming(where, box["tets"], part, solids, target.epsilon)
         if not (part >= 0).any():
             raise NoFilling("no tet lies in a solid")
-        mesh = separate(where, box["tets"][part >= 0])
+        tets = box["tets"][part >= 0]
+        mesh = manifold(where, tets, reach=target.envelope, worst=WORST)
         if (flat := int((signed_volumes(mesh.points, mesh.tets) <= 0).sum())) > 0:
             raise NoFilling(f"{flat} tets are flat or inverted")
         return Filling(mesh, part[part >= 0][mesh.origin], target)

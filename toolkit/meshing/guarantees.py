@@ -400,8 +400,9 @@ class ConversionReport:
     parts that enclose a volume but got no tet, ``hollow`` parts taken as solid whose names suggest
     a shell, ``walls`` parts that have got a wall of tets. As a ``whole``, open pieces enclose what
     their winding number calls inside. ``part_losses`` are those of the mesh, ``floaters`` loose
-    pieces that were left out, with the share ``floating`` of the volume; the edge may be ``finer``
-    than the one that was given. ``differences``: ``warnings`` that it is another body.
+    pieces that were left out, with the share ``floating`` of the volume; of vertices where two
+    hollows touched some are ``mended_vertices``, others still ``pinched`` [m]; the edge may be
+    ``finer`` than the one that was given. ``differences``: ``warnings`` that it is another body.
     """
 
     repair: RepairReport
@@ -416,6 +417,8 @@ class ConversionReport:
     distances: Distances
     split_edges: int
     doubled_points: int
+    mended_vertices: int = 0
+    pinched: tuple[tuple[float, ...], ...] = ()
     layers: int = 1
     mesher: str = "ftetwild"
     off_volume: tuple[tuple[str, float], ...] = ()
@@ -628,11 +631,15 @@ def lattice_guarantees(
 MAX_ROUNDS = 50
 
 
+NOWHERE = np.zeros((0, 3))
+
+
 class Separated(NamedTuple):
     """A mesh whose pieces no longer hang together by bare edges or vertices.
 
-    ``origin`` (tets,) is the tet of the given mesh that each tet lies in; ``split_edges`` and
-    ``doubled_points`` count what was done.
+    ``origin`` (tets,) is the tet of the given mesh that each tet lies in, or beside.
+    ``split_edges``, ``doubled_points`` and ``mended`` vertices, where two hollows touched, count
+    what was done; ``pinched`` (n, 3) are vertices where they still do.
     """
 
     points: Points
@@ -640,6 +647,8 @@ class Separated(NamedTuple):
     origin: Int[np.ndarray, "tets"]
     split_edges: int
     doubled_points: int
+    mended: int = 0
+    pinched: Places = NOWHERE
 
 
 def separate(points: Points, tets: Tets) -> Separated:

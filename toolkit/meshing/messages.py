@@ -8,7 +8,6 @@ from ...fem.mesh import TetMesh, boundary_faces
 from ...fem.note import Note
 from ...predictors.asset import Asset
 from ...predictors.construction import IN_ITS_SHAPE, head_of_name, kinds_named
-from ..asset.repair import MOST_CROSSED
 from ..asset.solids import hull_fraction
 from .guarantees import (
     BROKEN,
@@ -21,7 +20,9 @@ from .guarantees import (
 )
 from .meshers import STUFFING
 
-MOST = 5  # names that a sentence lists
+MOST = 5  # names that a sentence lists, and sentences of a conversion
+# Kinds of what is left out: one sentence where there are more than so many.
+LEFT_OUT = {f"messages.{kind}" for kind in ("floaters", "sheets", "thin", "lost", "sheet_share")}
 KEPT_BY = 0.95  # of a plate's thickness: the envelope that keeps it
 FINEST = 1e-4  # of the diagonal: an epsilon that no engine keeps in an hour
 
@@ -31,7 +32,11 @@ def said(report: ConversionReport, layers: int = 1, max_tets: int | None = None)
     losses, distances, lattice = report.losses, report.distances, report.mesher == STUFFING
     told: list[str] = [Note("messages.whole")] if report.whole else []
     holes, share = report.repair.closed_holes, distances.bridged_share
-    if share > SHARE_TOLD:
+    if losses.capped > MOST_LOST:
+        least = (1 - losses.capped) * report.input_volume
+        got = report.quality.volume
+        told.append(Note("messages.capped", share=losses.capped, least=least, got=got))
+    elif share > SHARE_TOLD:
         told.append(Note("messages.bridged", share=share))
     elif holes and not report.whole:
         told.append(Note("messages.holes", holes=holes))
@@ -41,11 +46,9 @@ def said(report: ConversionReport, layers: int = 1, max_tets: int | None = None)
     if report.losses.swallowed:
         told.append(Note("messages.swallowed", parts=listed(report.losses.swallowed)))
     if pinched := report.quality.boundary.pinched_vertices:
-        told.append(Note("messages.pinched", count=pinched))
-    if losses.capped > MOST_LOST:
-        least = (1 - losses.capped) * report.input_volume
-        got = report.quality.volume
-        told.append(Note("messages.capped", share=losses.capped, least=least, got=got))
+        places = ["({:.3g}, {:.3g}, {:.3g}) m".format(*place) for place in report.pinched]
+        at = ", ".join(places[:MOST]) + _more(len(places))
+        told.append(Note("messages.pinched", count=pinched, at=at and f", around {at},"))
     if lattice:
         edge = report.edge_length
         if report.attempts[0].engine != STUFFING:
@@ -66,8 +69,6 @@ def said(report: ConversionReport, layers: int = 1, max_tets: int | None = None)
         told.append(Note("messages.over_budget", tets=report.quality.tets, most=max_tets))
     if report.layers < layers and not lattice:
         told.append(Note("messages.layers_given_up", layers=layers))
-    if report.repair.crossing_faces is None:
-        told.append(Note("messages.crossings_unknown", most=MOST_CROSSED))
     if report.hollow:
         told.append(Note("messages.hollow", parts=listed(report.hollow)))
     failed = [attempt.outcome for attempt in report.attempts if attempt.outcome != "ok"]
@@ -77,6 +78,12 @@ def said(report: ConversionReport, layers: int = 1, max_tets: int | None = None)
     asked, kept = report.asked_epsilon, report.epsilon
     if kept > asked and not lattice:
         told.append(Note("messages.wider", kept=kept, asked=asked, edge=report.edge_length))
+    if len(told) > MOST:  # what is left out in one, before nobody reads them
+        left = [note for note in told if getattr(note, "kind", "") in LEFT_OUT]
+        if len(left) > 1:
+            at = told.index(left[0])
+            told = [note for note in told if note not in left]
+            told.insert(at, Note("messages.left", what="; ".join(left)))
     return tuple(told)
 
 
@@ -89,6 +96,7 @@ def differences(report: ConversionReport) -> tuple[str, ...]:
         finer, thinnest = "a smaller --epsilon-rel", f"epsilon ({report.epsilon:.3g} m)"
     if report.part_losses:
         told.append(Note("messages.part_losses", parts=_places(report), finer=finer))
+    misfits = []
     for what, shares, form in (
         ("volumes are off", [one for one in report.off_volume if one[1] > 0], "+.1%"),
         ("shares of volumes fell off", report.fallen_apart, ".1%"),
@@ -102,8 +110,9 @@ def differences(report: ConversionReport) -> tuple[str, ...]:
         if shares:
             worst = sorted(shares, key=lambda one: -abs(one[1]))
             parts = ", ".join(f"{name!r} ({share:{form}})" for name, share in worst[:MOST])
-            parts += _more(len(worst))
-            told.append(Note("messages.misfit", what=what, parts=parts, finer=finer))
+            misfits.append(f"{what}: {parts}{_more(len(worst))}")
+    if misfits:
+        told.append(Note("messages.misfit", what="; ".join(misfits), finer=finer))
     if report.beads:
         share = report.beads / report.quality.volume
         told.append(Note("messages.beads", edge=edge, beads=report.beads, share=share, finer=finer))
@@ -131,7 +140,7 @@ def differences(report: ConversionReport) -> tuple[str, ...]:
     if report.distances.sheet_share > SHARE_TOLD:
         told.append(Note("messages.sheet_share", share=report.distances.sheet_share))
     missed = report.distances.missed_share
-    if missed > SHARE_TOLD:
+    if missed > SHARE_TOLD and not (report.thin_parts or report.closed_gaps):
         told.append(Note("messages.missed", share=missed, thinnest=thinnest, finer=finer))
     return tuple(told)
 

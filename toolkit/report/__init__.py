@@ -2,5 +2,5 @@
 
 In: the result of a run or of a simulation.
 Out: HTML that loads nothing from elsewhere; PNG, GIF and WebP pictures.
-Read: pages, html, picture, tracer.
+Read: pages, html, picture.
 """

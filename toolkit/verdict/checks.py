@@ -395,10 +395,11 @@ def follows(motion: MotionResult) -> tuple[Check, ...]:
     return (Check("reduced model", _passed(near and not coarse), said, error.share, MOTION_LIMIT),)
 
 
-def contact_forces(motion: MotionResult, names: Sequence[str]) -> Check:
+def contact_forces(motion: MotionResult, names: Sequence[str], *, falls: bool = False) -> Check:
     """Who presses whom, at most; ``names`` are those of the pieces.
 
-    It is not made where an impact was not resolved, and in doubt where that is not known.
+    It is not made where an impact was not resolved, or what ``falls`` onto obstacles meets none;
+    and in doubt where that is not known.
     """
     forces = np.linalg.norm(motion.obstacle_forces, axis=2).max(axis=0, initial=0.0)
     impact, pressures = motion.impact, motion.largest_pressures
@@ -426,6 +427,9 @@ def contact_forces(motion: MotionResult, names: Sequence[str]) -> Check:
         pressed.append(Note("checks.by_piece", on=names[a], by=names[b], force=force))
     if pressures and pressures.own > 0:
         pressed.append(Note("checks.by_itself", pressure=pressures.own))
+    if falls and not pressed:
+        why = Note("checks.meets_none", time=motion.frames[-1].time)
+        return Check("contact", "not made", why, why=why)
     largest = max([*forces.tolist(), *between.values()], default=0.0)
     said = Note("checks.pressed" if pressed else "checks.not_pressed", by="; ".join(pressed))
     doubt = Note("checks.impact_unknown") if met and impact is None else ""

@@ -12,6 +12,7 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from ...fem.elements.assembly import discretise
 from ...fem.laws.law import LAWS
 from ...fem.mesh import TetMesh, piece_names
 from ...fem.note import Note
@@ -221,7 +222,9 @@ class StaticSimulation(Simulation):
             "safety": [{**s._asdict(), "factor": s.factor} for s in self.safety],
             "intervals": self.intervals,
             "reaction": static.reaction.sum(axis=0),
-            "reactions": [one._asdict() for one in reactions(self.scene, static)],
+            "reactions": [
+                one._asdict() for one in reactions(self.scene, static.space, static.reaction)
+            ],
             "loads": [
                 {"place": load.name, **resultant(self.mesh, load, self.scene.held)._asdict()}
                 for load in self.scene.tractions
@@ -340,6 +343,7 @@ class MotionSimulation(Simulation):
         from ...fem.solve.result import energy_balance
 
         motion, names, run = self.motion, self._piece_names, self.motion.particles
+        largest = lambda force: float(np.linalg.norm(force, axis=1).max())  # noqa: E731
         # Forces of the obstacles, frame by frame, and of the pieces on each other
         pushes = np.linalg.norm(motion.obstacle_forces, axis=2)
         forces, pressures = pushes.max(axis=0), motion.largest_pressures
@@ -364,11 +368,17 @@ class MotionSimulation(Simulation):
             {
                 "on": names[on],
                 "by": names[by],
-                "largest": None if unknown else float(np.linalg.norm(force, axis=1).max()),
+                "largest": None if unknown else largest(force),
                 "last": force[-1].tolist(),
             }
             for (on, by), force in motion.piece_forces.items()
         ]
+        if motion.reactions is not None:
+            space = discretise(self.mesh, motion.order).space
+            found["reactions"] = [
+                one._asdict() | {"largest": None if unknown else largest(one.force)}
+                for one in reactions(self.scene, space, motion.reactions)
+            ]
         # Energies [J]: given, the most beyond that, lost, most in one frame, its end [s]
         balance = energy_balance(motion, self.scene)
         found |= {
@@ -431,11 +441,14 @@ class MotionSimulation(Simulation):
         )
 
         energy = keeps_energy(self.motion, self.scene)
+        falls = bool(self.scene.obstacles) and not self.scene.held.fixed.any()
         if self.motion.particles is not None:
             run, wanted = self.motion.particles, self.scenario in ("tear", "fall")
-            met = [contact_forces(self.motion, ())] if self.motion.obstacle_forces.any() else []
+            met = [contact_forces(self.motion, (), falls=falls)]
+            met = met if falls or self.motion.obstacle_forces.any() else []
             return [in_the_grid(run), *met, *energy, *breakage(run, wanted=wanted)]
-        met = (no_penetration(self.motion), contact_forces(self.motion, self._piece_names))
+        forces = contact_forces(self.motion, self._piece_names, falls=falls)
+        met = (no_penetration(self.motion), forces)
         suits = [locking(self.motion)] if self.motion.order else []
         return [*met, *energy, *suits, *follows(self.motion)]
 

@@ -21,8 +21,8 @@ import torch
 from jaxtyping import Int
 
 from ....fem.errors import ConvergenceError
-from ....predictors.unipixie.inference import ANY, WEIGHTS, load_unipixie, one_torch_thread
 from ....predictors.unipixie.network import UniPixie, Voxels, known_of
+from ....predictors.unipixie.predictor import ANY, WEIGHTS, load_unipixie, one_torch_thread
 from ...datasets.objects import HELD_OUT, make_objects
 from ...datasets.ranges import RangeTable
 from ...datasets.shapes import EMPTY, MAX_PARTS

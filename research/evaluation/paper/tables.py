@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
-from ....predictors.unipixie.inference import WEIGHTS
+from ....predictors.unipixie.predictor import WEIGHTS
 from ...training.unipixie.config import MatterConfig
 
 TableName = Literal["S3", "S5", "S6", "S7", "theta", "springs"]

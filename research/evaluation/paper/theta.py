@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 import torch
 
-from ....predictors.unipixie.inference import WEIGHTS, load_unipixie
+from ....predictors.unipixie.predictor import WEIGHTS, load_unipixie
 from ...datasets.ranges import RangeTable
 from ...training.trainer import train_network
 from ...training.unipixie.config import MatterConfig

@@ -16,8 +16,8 @@ import torch
 from torch import Tensor
 from torch.nn import functional as F
 
-from ....predictors.unipixie.inference import ANY
 from ....predictors.unipixie.network import UniPixie
+from ....predictors.unipixie.predictor import ANY
 from ..trainer import Losses
 from .batch import MatterBatch, voxels_of
 

@@ -13,8 +13,8 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-from ....predictors.unipixie.inference import ANY, SAMPLE_STEPS, RangeCalibration
 from ....predictors.unipixie.network import UniPixie
+from ....predictors.unipixie.predictor import ANY, SAMPLE_STEPS, RangeCalibration
 from .batch import MatterBatch, part_means, voxels_of
 from .diffusion import DiffusionUNet, sample_diffusion
 from .regression import RegressionUNet, regress

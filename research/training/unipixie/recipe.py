@@ -12,8 +12,8 @@ import numpy as np
 import torch
 
 from ....predictors.field import DEFAULT, Normalisation
-from ....predictors.unipixie.inference import RangeCalibration
 from ....predictors.unipixie.network import UniPixie
+from ....predictors.unipixie.predictor import RangeCalibration
 from ...datasets.objects import HELD_OUT, Objects, make_objects
 from ...datasets.ranges import RangeTable
 from ...datasets.real import RealObject, load_real

@@ -10,8 +10,8 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-from ....predictors.unipixie.inference import ANY
 from ....predictors.unipixie.network import coherent_noise, known_of
+from ....predictors.unipixie.predictor import ANY
 from ...datasets.shapes import EMPTY, MAX_PARTS
 from ..film.augmentation import shrunk, turned
 from ..film.simulated_evidence import blurred

@@ -17,6 +17,7 @@ def test_more_words_beat_fewer(agree):
     """)
 
 
+@pytest.mark.slow
 def test_the_whole_and_the_rest_fill_what_nothing_names(agree):
     agree("""
         oak => a, b: oak

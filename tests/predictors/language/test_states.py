@@ -10,7 +10,7 @@ from autophyx_tet.predictors.text.reader import parse
         ("a molten glass frame", "molten"),
         ("the frame is rotten wood", "rotten"),
         ("the frame is hot steel", "hot"),
-        ("frame: wet oak", "wet"),
+        ("frame: wet beech", "wet"),
         ("the frame is rusty steel", "rusty"),
         ("a frame of cracked concrete", "cracked"),
         ("the frame is steel at 800 °C", "800 °C"),

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from autophyx_tet.fem.table import load_table
 from autophyx_tet.predictors.field import DEFAULT
-from autophyx_tet.predictors.film.inference import Frame
+from autophyx_tet.predictors.film.predictor import Frame
 from autophyx_tet.predictors.grid import Grid, PartVoxels
 from autophyx_tet.predictors.matter import by_appearance, matters, moved, typed_values
 from autophyx_tet.predictors.text.parts import KINDS

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from autophyx_tet.predictors.grid import Grid, PartVoxels
-from autophyx_tet.predictors.unipixie.inference import Cube
+from autophyx_tet.predictors.unipixie.predictor import Cube
 
 
 def some_parts(shape=(40, 20, 64), h=0.01, lo=(1.0, -2.0, 3.0)):

@@ -6,8 +6,9 @@ import torch
 from autophyx_tet.predictors.appearance.features import Appearance
 from autophyx_tet.predictors.field import DEFAULT
 from autophyx_tet.predictors.grid import Grid, PartVoxels
-from autophyx_tet.predictors.unipixie import inference
-from autophyx_tet.predictors.unipixie.inference import (
+from autophyx_tet.predictors.unipixie import predictor as inference
+from autophyx_tet.predictors.unipixie.network import UniPixie
+from autophyx_tet.predictors.unipixie.predictor import (
     Cube,
     Found,
     Loaded,
@@ -15,7 +16,6 @@ from autophyx_tet.predictors.unipixie.inference import (
     load_unipixie,
     voxels_on,
 )
-from autophyx_tet.predictors.unipixie.network import UniPixie
 from autophyx_tet.research.training.unipixie.config import CPU_NETWORK as CPU
 from autophyx_tet.research.training.unipixie.recipe import save_unipixie
 

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
-from autophyx_tet.predictors.unipixie.inference import ANY
 from autophyx_tet.predictors.unipixie.network import NOISE
+from autophyx_tet.predictors.unipixie.predictor import ANY
 from autophyx_tet.research.datasets.objects import make_objects
 from autophyx_tet.research.datasets.shapes import EMPTY
 from autophyx_tet.research.training.unipixie.batch import spread_parts, voxel_places
@@ -110,7 +110,10 @@ def test_ends_lean_outwards(alpha, names, shapes):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("model", "steps"), [("flow", 120), ("regression", 24), ("diffusion", 36)])
+@pytest.mark.parametrize(
+    ("model", "steps"),
+    [("flow", 120), ("regression", 24), pytest.param("diffusion", 36, marks=pytest.mark.long)],
+)
 def test_a_short_training_learns(model, steps, ranges):
     """On the CPU in seconds: the error of the last steps is half of that of the first."""
     plain = EvidenceShares(exact=1, silent=0, named=0, foreign=0, swapped=0, any=0)

@@ -27,7 +27,8 @@ from ...asset.triangles import (
     winding_numbers,
 )
 from ..ftetwild import EngineTarget, Filling, LatticeFit, NoFilling, thicknesses
-from ..guarantees import BLUNTEST, SHARPEST, bare_edges, separate
+from ..guarantees import BLUNTEST, SHARPEST, bare_edges
+from ..pinches import manifold
 from ..quality import corner_nodes, dihedral_angles, dihedral_cosines
 from .cut import CutMesh, cut, on_used
 from .field import NOWHERE, NodeField, ShellField, SolidField
@@ -111,7 +112,7 @@ def _filled(
         raise NoFilling(f"no part is as thick as the lattice's edge of {edge:.3g} m")
     points = solids.bounds[0] + edge * found.mesh.points
     kept[kept] = without_fragments(points, tets[kept], solids)
-    mesh = separate(points, tets[kept])
+    mesh = manifold(points, tets[kept], reach=edge, worst=180 - BLUNTEST)
     part = field.part[found.mesh.region[kept]][mesh.origin]
     volumes = signed_volumes(mesh.points, mesh.tets)
     if (flat := int((volumes <= 0).sum())) > 0:

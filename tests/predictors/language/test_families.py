@@ -1,0 +1,164 @@
+"""Families of ways to speak that were found on sentences of several hands, ten examples each."""
+
+
+def test_designations_of_older_and_other_standards(agree):
+    """AFNOR before the European ones, GOST, UNE, SS, BS: each the row of its family."""
+    agree("""
+        shaft XC38, hub XC42 => shaft, hub: carbon steel
+        shaft 35CD4, hub 35NCD16 => shaft, hub: alloy steel
+        pin Z2CN18-10, ring Z6CND17-12 => pin, ring: stainless steel
+        leaf_a A-U4G, leaf_b A-G5 => leaf_a: aluminium 2xxx; leaf_b: aluminium 5xxx
+        plate E24, beam E36 => plate, beam: structural steel
+        shaft 40Х, gear 12ХН3А => shaft, gear: alloy steel
+        block СЧ25, lid АМг3 => block: gray iron; lid: aluminium 5xxx
+        bush БрОЦС5-5-5, nut Л63 => bush: tin bronze; nut: brass
+        axle F-1140, gear F-1270 => axle: carbon steel; gear: alloy steel
+        tray SS 2343, plate SS 1312 => tray: stainless steel; plate: carbon steel
+        bush PB1, ring LB2 => bush, ring: tin bronze
+        housing FGS 400, base FGL 250 => housing: ductile iron; base: gray iron
+        rail DP600, sill 22MnB5 => rail, sill: carbon steel
+        nipple H62, worm ZCuSn10P1 => nipple: brass; worm: tin bronze
+        arm ZM5, case ZL101A => arm: magnesium; case: aluminium casting alloy
+    """)
+
+
+def test_names_stand_in_brackets(agree):
+    agree("""
+        fingers (finger_1, finger_2) brass, palm steel => finger_1, finger_2: brass; palm: steel
+        screws (screw_1 to screw_3): brass; lid oak => screw_1, screw_2, screw_3: brass; lid: oak
+        втулка БрОЦС5-5-5 (part bush), lid oak => bush: tin bronze; lid: oak
+        cast iron (part casing), steel (part shaft) => casing: cast iron; shaft: steel
+    """)
+
+
+def test_what_copies_another_part(agree):
+    agree("""
+        body_1 oak. body_2 as body_1. => body_1, body_2: oak
+        the frame is oak, the legs as the frame => frame, leg_1, leg_2: oak
+        lid brass; body_2 and body_3 as lid but thinner => lid, body_2, body_3: brass
+        pan is cast iron, handle also, lid glass => pan, handle: cast iron; lid: glass
+        hub steel, rim also => hub, rim: steel
+        base oak; top same; knob brass => base, top: oak; knob: brass
+        plate A: brass, plate B like plate A => plate_a, plate_b: brass
+    """)
+
+
+def test_the_plating_is_not_the_matter(agree):
+    agree("""
+        contacts CuSn6 gold flashed => contacts: tin bronze
+        tube E235 zinc plated, lid oak => tube: steel; lid: oak
+        pin brass nickel plated => pin: brass
+        terminal copper tin plated => terminal: copper
+        hook S235JR zinc coated => hook: S235
+        plate 6061-T6 nickel plated => plate: 6061-T6
+        base oak wax coated => base: oak
+        busbar copper silver plated => busbar: copper
+        knob ABS chrome plated => knob: ABS
+        needle 316L gold plated => needle: 316L
+    """)
+
+
+def test_a_part_of_a_range_has_its_own(agree):
+    agree("""
+        link_1 to link_3: steel, link_2: brass => link_1, link_3: steel; link_2: brass
+        link_1 thru link_3: AW-6082, except link_2 = AZ31B => link_1, link_3: 6082; link_2: AZ31
+        all legs oak, leg_2 ash => leg_1, leg_3: oak; leg_2: ash
+        the legs are beech, leg_1 is pine => leg_1: pine; leg_2, leg_3: beech
+        rib_1..rib_3: balsa; rib_3: plywood => rib_1, rib_2: balsa; rib_3: plywood
+        everything steel except the lid: oak => body: steel; lid: oak
+        everything steel except lid = oak; knob is brass => body: steel; lid: oak; knob: brass
+    """)
+
+
+def test_a_table_is_read_by_its_header(agree):
+    agree("""
+        pos;part;material;EUR\\n10;tube;E235+N;11,20\\n20;cap;PA6;0,74 => tube: steel; cap: PA6
+        name,material\\nlid,oak\\nknob,brass => lid: oak; knob: brass
+        Material,Part\\noak,lid\\nbrass,knob => lid: oak; knob: brass
+        Item | Part | Material\\n1 | lid | oak\\n2 | knob | brass => lid: oak; knob: brass
+        Bauteil;Werkstoff\\nDeckel;Eiche\\nKnopf;Messing => Deckel: oak; Knopf: brass
+        Pièce;Matériau\\ncouvercle;chêne\\nbouton;laiton => couvercle: oak; bouton: brass
+        Pieza;Material\\ntapa;roble\\nbotón;latón => tapa: oak; botón: brass
+        No.  Part  Mat'l\\n1  lid  FC250\\n2  knob  C3604 => lid: gray iron; knob: brass
+        part\tmaterial\\nlid\toak\\nknob\tbrass => lid: oak; knob: brass
+        part,material,note\\nlid,"oak, oiled",a\\nknob,brass,b => lid: oak; knob: brass
+    """)
+
+
+def test_numbers_of_a_table_have_the_unit_of_their_column(clauses_of):
+    for head in (
+        "name,E_GPa,nu,rho_kgm3",
+        "part,E [GPa],poisson,density [kg/m3]",
+        "Name,E (GPa),nu,rho (kg/m3)",
+    ):
+        (said,) = clauses_of(f"{head}\nlid,70,0.33,2700\nhub,210,0.3,7850", ["lid", "hub"])["lid"]
+        found = {number.measure: number.value for number in said.numbers}
+        assert found == {"E": 70e9, "nu": 0.33, "rho": 2700.0}, head
+
+
+def test_a_text_takes_back_what_it_said(agree):
+    agree("""
+        rim is 6061... correction, rim is PA6; hub oak => rim: PA6; hub: oak
+        the lid is oak. sorry, the lid is ash. knob brass => lid: ash; knob: brass
+        bush delrin no, make it sintered bronze => bush: sintered bronze
+        top_plate: HPL? no -> EN AW-5083 => top_plate: 5083
+        crankcase from EN-GJL-200 to A380; piston steel => crankcase: A380; piston: steel
+        the weight is lead? God, no: iron. => weight: iron
+        lid oak, no wait, lid ash => lid: ash
+    """)
+
+
+def test_a_word_means_what_stands_around_it(agree):
+    agree("""
+        crown: enamel, body: dentine => crown: tooth enamel; body: dentine
+        a molar: cap enamel => cap: tooth enamel
+        limbs whittled from pear => limbs: pear wood
+        the case is pear, carved by hand => case: pear wood
+        the mug is clay => mug: earthenware
+        the ground is clay => ground: clay
+        the pan is enamel => pan: enamel
+    """)
+
+
+def test_a_plastic_far_lighter_than_itself_is_its_foam(table):
+    from autophyx_tet.predictors.resolve.numbers import row_by_numbers
+    from autophyx_tet.predictors.text.numerals import Quantity
+
+    for name, density, stiffness, wanted in [
+        ("PUR", 80, 4, "rigid PU foam"), ("PUR", 40, None, "flexible PU foam"),
+        ("polyurethane", 60, 5, "rigid PU foam"), ("PE", 30, None, "polyethylene foam"),
+        ("polypropylene", 60, None, "epp"), ("polystyrene", 25, None, "eps foam"),
+        ("rigid PVC", 80, None, "pvc foam"), ("PET", 100, None, "pet foam"),
+        ("polypropylene", 900, None, "polypropylene"), ("steel", 100, None, "steel"),
+    ]:  # fmt: skip
+        row = table.exact("thermoplastic polyurethane (tpu)" if name == "PUR" else name)
+        said = [Quantity("rho", float(density), f"{density} kg/m3")]
+        assert row_by_numbers(row, table, said, stiffness) is table.exact(wanted), name
+
+
+def test_densities_in_the_names_of_foams(clauses_of):
+    for text, rho in [
+        ("core Divinycell H80", 80), ("core Divinycell H 100", 100), ("core Rohacell 51", 51),
+        ("core Plastazote LD45", 45), ("core Plastazote LD 33", 33), ("core Evazote EV50", 50),
+        ("core PVC foam H60", 60), ("core Rohacell 71 IG-F", 71),
+    ]:  # fmt: skip
+        (said,) = clauses_of(text, ["core"])["core"]
+        assert [n.value for n in said.numbers if n.measure == "rho"] == [rho], text
+
+
+def test_other_languages(agree):
+    """Compounds, adjectives of matter, other words for a part, the same as another, the rest."""
+    agree("""
+        Buchenholzgriff, Stahlklinge, Messingnieten => griff: beech; klinge: steel; nieten: brass
+        ein eisernes Gestell mit ledernem Sitz => gestell: iron; sitz: leather
+        Der Hahn ist verchromtes Messing, der Hebel auch => hahn, hebel: brass
+        Scheibe Floatglas, Rahmen Fichtenholz => scheibe: float glass; rahmen: spruce
+        Deckel aus Eiche, Boden ebenso, Griff aus Messing => deckel, boden: oak; griff: brass
+        Le corps est en laiton chromé, la manette pareil => corps, manette: brass
+        la quille en plomb, le mat dans le même métal que la quille => quille, mat: lead
+        des yeux de verre, une robe en coton => oeil_g, oeil_d: glass; robe: cotton
+        El depósito es de acero y lo demás de latón => deposito: steel; valvula: brass
+        la tapa de roble, el fondo también, el pomo de latón => tapa, fondo: oak; pomo: brass
+        los patines de hierro y el asiento de cuero => patin_1, patin_2: iron; asiento: leather
+        coque en stratifié verre, mât en épicéa => coque: GFRP; mat: spruce
+    """)
