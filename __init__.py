@@ -36,6 +36,7 @@ _HOME = {
     "mesh_panel": "toolkit.report.picture",
     "exaggeration": "toolkit.report.picture",
     "render_png": "toolkit.report.picture",
+    "region_png": "toolkit.report.picture",
     "render_animation": "toolkit.report.picture",
     "Scale": "toolkit.report.picture",
     "bonsai": "toolkit.asset.bonsai",

@@ -24,7 +24,6 @@
 import autophyx_tet as apx
 import numpy as np
 import trimesh
-from autophyx_tet.toolkit.report.picture import region_png
 from IPython.display import Image as NotebookImage
 from scipy.spatial import KDTree
 
@@ -69,7 +68,7 @@ print(*body.warnings, sep="\n")
 rows = body.region_rows()
 for row in rows[:6]:
     print(row["number"], row["colour"], f"{row['fraction']:.0%} of the volume:", row["part"])
-NotebookImage(data=region_png(body.regions.number, body.field.grid, up="y"))
+NotebookImage(data=apx.region_png(body.regions.number, body.field.grid, up="y"))
 
 # %% [markdown]
 # ## Was that meant?

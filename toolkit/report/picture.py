@@ -581,7 +581,31 @@ REGION_CAPTION = (
 def region_png(
     number: Int[np.ndarray, "nx ny nz"], grid: Grid, *, up: UpAxis = "z", seed: int = 4
 ) -> bytes:
-    """Return a picture of numbered cells (0: none): each number in a colour, named where seen."""
+    """Picture of numbered cells: each number in a colour of its own, named where it is seen.
+
+    Parameters
+    ----------
+    number
+        Number of every cell, 0 for none.
+    grid
+        The cells [m].
+    up
+        Axis that points up.
+    seed
+        Of the colours.
+
+    Returns
+    -------
+    bytes
+        The picture as PNG.
+
+    Examples
+    --------
+    >>> import numpy as np, autophyx_tet as apx
+    >>> number = np.arange(8).reshape(2, 2, 2)
+    >>> apx.region_png(number, apx.Grid(np.zeros(3), 0.1, (2, 2, 2)))[1:4]
+    b'PNG'
+    """
     shell = voxel_shell(number > 0, grid)
     of_face = number[tuple(shell.cell.T)]
     colours = np.random.default_rng(seed).uniform(0.3, 0.95, (number.max() + 1, 3))[of_face]
