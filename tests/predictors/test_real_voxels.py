@@ -1,6 +1,7 @@
 """Real objects as voxels: a closed surface leaves no hole in what it encloses."""
 
 import numpy as np
+import pytest
 import trimesh
 from autophyx_tet.predictors.asset import Asset, Part
 from autophyx_tet.research.datasets.real import CELLS, cube, voxelise
