@@ -73,6 +73,7 @@ def _calls(place, folder):
             place("made.msh"), "oak", asset=place("box.glb"), output=place("oak.msh"),
             field_output=place("oak.npz"), **quick,
         ),
+        "segment": lambda: apx.segment(place("box.glb"), output=place("parts.glb")),
         "simulate": lambda: apx.simulate(
             jelly, output=place("moved"), drive=points, report=place("page.html"),
             picture=place("rest.png"), scenario="poke", poke_force=0.1, solver="lbs",
@@ -114,8 +115,8 @@ def _calls(place, folder):
 
 WRITTEN = (
     "made.msh", "oak.msh", "oak.npz", "moved/motion.pvd", "page.html", "rest.png", "run/run.json",
-    "run.png", "r.npz", "r.what_if.csv", "p.npz", "oak.ply", "jelly.inp", "f.npz", "f.png",
-    "batch/results.json", "bonsai.glb", "p.png", "furniture/a/a.obj",
+    "run.png", "parts.glb", "r.npz", "r.what_if.csv", "p.npz", "oak.ply", "jelly.inp", "f.npz",
+    "f.png", "batch/results.json", "bonsai.glb", "p.png", "furniture/a/a.obj",
 )  # fmt: skip
 
 

@@ -43,8 +43,8 @@ def test_help_loads_no_heavy_package():
 
 # The verbs that the design of the product promises, and no others.
 VERBS = (
-    "run", "convert", "assign", "simulate", "transfer", "export", "features", "info", "materials",
-    "doctor", "dataset", "train", "evaluate", "batch", "reduce", "match", "view",
+    "run", "convert", "assign", "segment", "simulate", "transfer", "export", "features", "info",
+    "materials", "doctor", "dataset", "train", "evaluate", "batch", "reduce", "match", "view",
 )  # fmt: skip
 
 
