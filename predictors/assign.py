@@ -144,7 +144,7 @@ def predict_materials(
     if alpha is not None and not predictor.takes_alpha:
         able = " or ".join(name for name in PREDICTORS if PREDICTORS[name].takes_alpha)
         raise UsageError("assign.alpha_moves", part=choices[left_open[0]].part, able=able)
-    first = alike(parts, left_open, [choice.clause for choice in choices])
+    first = alike(parts, left_open, [c.clause and c.clause.span for c in choices])
     known = {"choices": choices, "appearance": seen, "up": up, "alpha": alpha}
     found = predictor.predict(merged(parts, first), bound.sentence, **known)
     found = found.for_each(parts, first)

@@ -263,8 +263,8 @@ def _read(
     text: str, mesh: TetMesh, sidecar: Sidecar, options: AssignOptions
 ) -> tuple[Bound, MaterialTable]:
     """What a text says of the regions of a mesh, read here, once; and the materials it may name."""
-    from ..predictors.text.opinion import with_second_opinion
     from ..predictors.text.reader import read_sentence
+    from ..predictors.text.tagger import with_second_opinion
 
     table = with_own_rows(options.table) if options.table else load_table()
     labels = sidecar.labels_of(mesh.region_names)

@@ -2,5 +2,5 @@
 
 In: a sentence and the names of the parts.
 Out: clauses with materials, numbers, walls and loads, and what was not understood.
-Read: reader, lexing, materials, parts, numerals, english, clauses, tagger, opinion, interpreter.
+Read: reader, lexing, materials, parts, numerals, english, clauses, tagger, interpreter.
 """

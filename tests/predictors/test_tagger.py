@@ -127,8 +127,8 @@ def test_what_stands_far_away_in_a_long_text_changes_nothing():
 def test_the_second_opinion_fills_what_the_grammar_leaves_and_keeps_the_rest():
     from autophyx_tet.fem.table import load_table
     from autophyx_tet.predictors.text.clauses import Bound, BoundPart
-    from autophyx_tet.predictors.text.opinion import with_second_opinion
     from autophyx_tet.predictors.text.reader import read_sentence
+    from autophyx_tet.predictors.text.tagger import with_second_opinion
 
     labels, table = [("seat",), ("leg_1",), ("back",)], load_table()
     whole = read_sentence(TEXT, labels, table)
