@@ -333,7 +333,7 @@ def cell_appearance(
         looks.append(np.concatenate(seen, axis=1))
         shells.append(of_face[first + faces])
         first += len(part.mesh.faces)
-    _, nearest = KDTree(np.concatenate(points)).query(centres, k=NEAREST)
+    nearest = np.asarray(KDTree(np.concatenate(points)).query(centres, k=NEAREST)[1])
     shell = np.unique(np.concatenate(shells)[nearest[:, 0]], return_inverse=True)[1]
     return np.concatenate(looks)[nearest].mean(axis=1), shell.ravel()
 

@@ -625,7 +625,8 @@ def region_png(
             marks.append((str(k), at))
     out = BytesIO()
     panel = Panel((surface,), marks=tuple(marks))
-    _traced([panel], up, 640, 6).save(out, format="PNG", optimize=True)
+    # a few hues and their shades: a palette holds them in a third of the bytes
+    _traced([panel], up, 640, 6).quantize(256).save(out, format="PNG", optimize=True)
     return out.getvalue()
 
 
