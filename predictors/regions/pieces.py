@@ -15,6 +15,7 @@ from ..grid import PartVoxels
 from ..partition import piece_name
 from ..prediction import Binding
 from ..text.clauses import Bound, BoundPart, Sentence
+from ..text.english import words
 from .division import WHOLE, Regions, divide, said_by
 
 
@@ -54,7 +55,16 @@ def carve(parts: PartVoxels, cells: dict[str, np.ndarray]) -> tuple[PartVoxels, 
 
 def of_matters(sentence: Sentence) -> list[int]:
     """Numbers of the clauses that say a matter, where they name two or more; else none."""
-    stated = [k for k, one in enumerate(sentence.clauses) if one.says_matter and not one.excluded]
+    clauses, is_said_to_be = sentence.clauses, {*words()["roles"]["is"]}
+    stated = [
+        k for k, one in enumerate(clauses)
+        if one.says_matter and not one.excluded
+        # "the glass is soda-lime glass": the next clause says which glass
+        and not (
+            k + 1 < len(clauses) and not (one.subject.names or clauses[k + 1].subject.names)
+            and sentence.text[one.span[1] : clauses[k + 1].span[0]].strip() in is_said_to_be
+        )
+    ]  # fmt: skip
     named = {(one.material, one.phrase) for one in sentence.clauses if one.material}
     return stated if len(named) > 1 else []
 

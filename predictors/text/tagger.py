@@ -44,6 +44,7 @@ _CUT = re.compile(r"(?<=[a-z])(?=[A-Z])|(?<=[^\W\d_])(?=\d)|(?<=\d)(?=[^\W\d_]{2
 _NUMBER = re.compile(r"(?: \d+)+$")
 
 
+@lru_cache(maxsize=4096)
 def shown_name(name: str) -> str:
     """Words of a part's name: "legFL_01" -> "leg front left 1"."""
     words = [word for word in _CUT.split(name) if word]
@@ -86,6 +87,7 @@ class Said:
 _WORD = re.compile(r"[^\s()\[\]{}<>|;:=/,\"“”„!?•*]+|[^\s]")
 _STRIDE = 2 / 3  # of a window, to the next one in a long text
 _ROWS = 8  # questions at once
+_MANY, _LAST = 32, re.compile(r"[\W_]*\d+$")  # parts; the number at the end of a name
 
 
 class Tagger(MiniLM):
@@ -121,6 +123,9 @@ class Tagger(MiniLM):
     def said(self, names: Sequence[str], text: str) -> list[Said]:
         """What a text says of each part, by their names."""
         encoded = self._tokenizer.encode(text, add_special_tokens=False)
+        if len(names) > _MANY:  # those that only a number tells apart are asked about once
+            said = {*re.findall(r"\d+", text)}
+            names = [n if {*re.findall(r"\d+", n)} & said else _LAST.sub("", n) for n in names]
         questions = [question(names, i) for i in range(len(names))]
         asks = {q: self._tokenizer.encode(q, add_special_tokens=False).ids for q in questions}
         found = dict(zip(asks, self._roles([*asks.values()], encoded.ids), strict=True))
@@ -241,7 +246,8 @@ def with_second_opinion(
         if any(c.phrase.lower() == words.lower() for c in own):
             continue
         part = shown_name(names[i])
-        read = parse(lists()["alone"][language].format(part=part, words=words), table, names)
+        known = names if len(names) <= _MANY else names[i : i + 1]
+        read = parse(lists()["alone"][language].format(part=part, words=words), table, known)
         found = [c for c in read.clauses if c.says_matter]
         (rows, numbers), (own_rows, own_numbers) = _said(found), _said(own)
         if own and any(c.kind for c in found):  # "wood" says less than what is there

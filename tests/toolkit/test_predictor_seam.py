@@ -155,7 +155,7 @@ def test_a_sentence_is_read_once_whoever_predicts(monkeypatch):
     for name in PREDICTORS:
         parsed.clear(), read.clear()
         apx.assign(two_regions(), text, options=AssignOptions(predictor=name, cells=8))
-        assert parsed == [text], name
+        assert parsed.count(text) == 1, name  # a second opinion reads what it says of one part
         assert set(read.values()) <= {1}, name
     option = "soft rubber"
     parsed.clear()
@@ -164,7 +164,7 @@ def test_a_sentence_is_read_once_whoever_predicts(monkeypatch):
         text,
         options=AssignOptions(part=(f"seat={option}",), predictor="retrieval", cells=8),
     )
-    assert parsed == [text, option]
+    assert [t for t in parsed if t in (text, option)] == [text, option]
     parsed.clear()
     text = "an aluminium can full of coffee"
     can = apx.assign(
@@ -172,7 +172,7 @@ def test_a_sentence_is_read_once_whoever_predicts(monkeypatch):
         text,
         options=AssignOptions(predictor="retrieval", cells=8),
     )
-    assert parsed == [text]
+    assert parsed.count(text) == 1
     assert can.built[0].construction.form == "shell"
     assert can.built[0].construction.filling == "ground coffee (contents)"
 
