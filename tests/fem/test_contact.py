@@ -83,7 +83,7 @@ def test_contact_forces_are_derivatives(order):
     assert np.linalg.eigvalsh(matrix.to_scipy().toarray())[0] > -1e-9 * np.abs(bent).max()
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_plate_rests_on_small_balls():
     """Three balls of 0.1 m under faces of 0.5 m carry m g to 1e-4, each its share."""
     mesh = with_uniform(box_mesh((1, 1, 0.2), (2, 2, 1)), E=1e6, nu=0.3, rho=1e3)

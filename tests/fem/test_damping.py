@@ -97,7 +97,7 @@ def slowest(mesh, free) -> tuple[float, np.ndarray]:
     return float(np.sqrt(square[first])), shape.reshape(-1, 3)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_free_cube_keeps_its_spin():
     """Ten turns with 5 % of damping at its slowest vibration take < 1e-3 of the spin.
 

@@ -174,7 +174,7 @@ def test_a_tower_on_open_ground_is_closed_below():
     assert volume_of(ready) == pytest.approx(4 * 2.75**2 + 0.125, rel=0.1)  # sloped by one cell
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_thin_plates_are_left_out_by_name():
     """A hut and twenty plates thinner than epsilon: 28 % of the volume are meshed, the rest told.
 

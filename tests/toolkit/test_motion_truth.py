@@ -134,7 +134,7 @@ def test_a_reduced_bar_on_its_side_rests_as_the_elements_do(basis):
     assert np.linalg.norm(end, axis=2).max(axis=1).mean() == pytest.approx(rest, rel=0.01)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_reduced_body_of_great_contrast_is_followed():
     """Half of it a million times stiffer: an answer and its doubts."""
     mesh = matter(box_mesh((1.0, 0.1, 0.1), (10, 1, 1)), 1e6, 1000.0)

@@ -143,7 +143,7 @@ def test_cupboard_with_doors_leaves_the_analytic_volume():
     assert share[1:].sum() * np.prod(hi - lo) == pytest.approx(DOORS, rel=0.03)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_hollow_bottle_converts():
     """The tets of a bottle with a wall of 5 mm: within 2 % of the bodies of revolution."""
     bottle = trimesh.creation.revolve(BOTTLE, sections=32)
@@ -154,7 +154,7 @@ def test_hollow_bottle_converts():
     assert mesh.volume == pytest.approx(glass, rel=0.02)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_hollow_cupboard_converts():
     """Tets of the carcass and of its doors, each within 2 %; without a wall all three are named."""
     asset = _cupboard()

@@ -151,7 +151,7 @@ def test_far_away_and_tiny_bodiesconverted():
         assert mesh.volume == pytest.approx(size**3, rel=1e-2)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_torus_keeps_its_volume_wherever_it_is():
     """2 pi^2 R r^2 and area 4 pi^2 R r, turned, moved, scaled, with its faces shuffled."""
     rng = np.random.default_rng(0)

@@ -31,7 +31,7 @@ def chess_piece(place, radius):
     return body, felt
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_thirty_two_chess_pieces_are_told_of_in_a_few_lines():
     """Each stands on a disc without volume: one line for all 32 of them."""
     parts = []

@@ -102,7 +102,7 @@ def test_the_loss_of_what_is_sure_and_right_is_nothing(corpus):
     assert float(found.reported["right"]) == pytest.approx(1)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_sixty_steps_of_a_cpu_learn_what_one_measure_tells(corpus, tmp_path):
     """And the file that is written runs without torch, with the same shares."""
     config = PRESETS["regions-cpu"]

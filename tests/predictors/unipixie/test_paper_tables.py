@@ -100,7 +100,7 @@ def test_table_s3_has_a_joint_row_and_specialists(ranges):
         assert (0 < row.share < 1) == (row.row != "separate, matter")
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_table_s5_has_an_agent_that_a_measurement_helps(ranges):
     """The agent ends nearer to the truth and to its motion than its first proposal."""
     rows = {(r.row, r.split): r for r in feedback_table(ranges=ranges, objects=2)}

@@ -109,7 +109,7 @@ def test_ends_lean_outwards(alpha, names, shapes):
     assert said.grad.sum().abs().item() < 1e-5  # round-off of a sum of some thousand
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("model", "steps"),
     [("flow", 120), ("regression", 24), pytest.param("diffusion", 36, marks=pytest.mark.long)],
