@@ -39,8 +39,9 @@ OF_MESH, MOST_CHANGE = 1 / 3, 0.03
 # Strain [1] at which these terms are differenced.
 DIFFERENCED = 1e-2
 # Unknowns up to which a body is followed beyond the linear law, and up to which it is relaxed where
-# its path ends: tens and hundreds of factors.
-FOLLOWED, RELAXED = 300_000, 15_000
+# its path ends: tens and hundreds of factors. A path has thirty at least: of so many operations
+# they are three minutes of a core.
+FOLLOWED, RELAXED, MOST_OPERATIONS = 300_000, 15_000, 2e11
 # CG's relative residual of those terms where no factor is affordable.
 ROUGH = 1e-3
 
@@ -189,8 +190,9 @@ def _followed(
     title, unknowns = LAWS[law].title, linear.node_displacement.size
     grid = discretise(scene.mesh, linear.order)
     plan = planned_elimination(grid.pattern, grid.space.edges)
-    if unknowns > FOLLOWED or plan.entries > MOST_ENTRIES:
-        warnings.append(Note("equilibrium.too_large", why=why, unknowns=unknowns, most=FOLLOWED))
+    affordable = plan.entries <= MOST_ENTRIES and plan.operations <= MOST_OPERATIONS
+    if unknowns > FOLLOWED or not affordable:
+        warnings.append(Note("equilibrium.too_large", why=why, unknowns=unknowns))
         return linear, False
     relaxation = unknowns <= RELAXED
     solve = partial(solve_nonlinear, scene.mesh, scene.held, law=law, order=linear.order, **loads)
