@@ -45,6 +45,10 @@ ELSEWHERE = {
     "autophyx-tet evaluate --split procedural --predictors film-voxels --objects 96": HOURS,
     "autophyx-tet evaluate --split validation --objects 80 --encoder embedded --renders 80 "
     "--predictors film film-names table-mean": HOURS,
+    "autophyx-tet train tagger": HOURS,
+    "autophyx-tet train tagger -o run": HOURS,
+    "autophyx-tet dataset regions -o data && autophyx-tet train regions --data data -o run": HOURS,
+    "autophyx-tet evaluate --split natural": FURNITURE,
     "autophyx-tet dataset build -o data": FURNITURE,
     "autophyx-tet train kinds --data data -o run": FURNITURE,
     "autophyx-tet evaluate --split validation --objects 80 --predictors unipixie unipixie-names "
