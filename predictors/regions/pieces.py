@@ -89,7 +89,12 @@ def divided(
     of_cell, thing = parts.part[parts.occupied], np.asarray(of)
     mine = np.isin(thing[of_cell], thing[list(left_open)])
     said = [said_by(sentence.clauses[k], sentence) for k in stated]
-    found = divide(Regions(*(x[mine] for x in regions)), said, encoder=encoder, table=table)
+    # numbered anew: a region of another part has no cell here
+    plain, region = (
+        np.unique(x[mine], return_inverse=True)[1].ravel() for x in (regions.plain, regions.region)
+    )
+    ours = Regions(regions.cells[mine], regions.looks[mine], plain, region)
+    found = divide(ours, said, encoder=encoder, table=table)
     owner, share, notes = found.owner, found.share, ()
     if found.certainty < WHOLE:
         first = next(i for i, k in enumerate(stated) if sentence.clauses[k].material)
