@@ -25,6 +25,8 @@ from .quality import corner_nodes, dihedral_angles
 FIRST = np.array([[0, 1, 2, 3], [1, 0, 3, 2], [2, 3, 0, 1], [3, 2, 1, 0]])
 STEPS = (1.0, 0.5, 0.3, 0.15)  # of the reach: how far a new node may lie from the old one
 SHARES = (0.3, 0.5, 0.7)  # of an edge from a rim: where it is cut
+FLAT = 1e-6  # of the reach: an altitude below is of a tet without a volume to divide by
+MOST = 40  # vertices that are mended, each by looks at the whole mesh; more are told alone
 TURNS = 200  # of the search for a direction that all faces of a ring are seen from
 
 
@@ -37,7 +39,10 @@ def manifold(points: Points, tets: Tets, *, reach: float, worst: float) -> Separ
     mesh = separate(points, tets)
     vertex = corner_nodes(boundary_faces(mesh.tets).faces)[1]
     left = []
-    for one in np.unique(vertex[:-1][vertex[1:] == vertex[:-1]]).tolist():
+    found = np.unique(vertex[:-1][vertex[1:] == vertex[:-1]]).tolist()
+    if len(found) > MOST:
+        return mesh._replace(pinched=mesh.points[found])
+    for one in found:
         while len(rims := _rims(mesh.tets, one) or []) > 1:
             tries = [w for rim in rims for w in _ways(mesh.points, mesh.tets, one, rim, reach)]
             best = max(tries, key=lambda way: way.worst, default=None)
@@ -146,7 +151,9 @@ def _fits(points: Points, tets: Tets, tip: Int[np.ndarray, "tip 4"], reach: floa
 
     The vertices of the rim get no second fan.
     """
-    if (signed_volumes(points, tip) <= 0).any() or altitudes(points, tip)[:, 0].max() > reach:
+    if (signed_volumes(points, tip) <= 0).any() or altitudes(points, tip).min() < FLAT * reach:
+        return False
+    if altitudes(points, tip)[:, 0].max() > reach:
         return False
     for tet in tip:
         weight = np.linalg.solve(np.vstack([points[tet].T, np.ones(4)]), _homogeneous(points).T)
