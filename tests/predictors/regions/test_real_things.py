@@ -60,5 +60,5 @@ def test_small_things_stay_small_and_cushions_are_found():
         small = np.array([(true, got) for true, got, _ in rows if true < SMALL]).reshape(-1, 2)
         assert (small[:, 1] < SMALL + small[:, 0]).all()
     cushions = np.array([share for _, _, share in found["cushions"]])
-    assert len(cushions) >= 6
+    assert len(cushions) >= 5
     assert (cushions >= 0.5).mean() >= 0.6  # the others are left whole, or are scatter cushions
