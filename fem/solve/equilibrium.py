@@ -41,7 +41,7 @@ DIFFERENCED = 1e-2
 # Unknowns up to which a body is followed beyond the linear law, and up to which it is relaxed where
 # its path ends: tens and hundreds of factors. A path has thirty at least: of so many operations
 # they are three minutes of a core.
-FOLLOWED, RELAXED, MOST_OPERATIONS = 300_000, 15_000, 2e11
+FOLLOWED, RELAXED, FOLLOWED_OPERATIONS = 300_000, 15_000, 2e11
 # CG's relative residual of those terms where no factor is affordable.
 ROUGH = 1e-3
 
@@ -190,7 +190,7 @@ def _followed(
     title, unknowns = LAWS[law].title, linear.node_displacement.size
     grid = discretise(scene.mesh, linear.order)
     plan = planned_elimination(grid.pattern, grid.space.edges)
-    affordable = plan.entries <= MOST_ENTRIES and plan.operations <= MOST_OPERATIONS
+    affordable = plan.entries <= MOST_ENTRIES and plan.operations <= FOLLOWED_OPERATIONS
     if unknowns > FOLLOWED or not affordable:
         warnings.append(Note("equilibrium.too_large", why=why, unknowns=unknowns))
         return linear, False

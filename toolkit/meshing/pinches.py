@@ -151,9 +151,10 @@ def _fits(points: Points, tets: Tets, tip: Int[np.ndarray, "tip 4"], reach: floa
 
     The vertices of the rim get no second fan.
     """
-    if (signed_volumes(points, tip) <= 0).any() or altitudes(points, tip).min() < FLAT * reach:
+    heights = altitudes(points, tip)
+    if (signed_volumes(points, tip) <= 0).any() or heights.min() < FLAT * reach:
         return False
-    if altitudes(points, tip)[:, 0].max() > reach:
+    if heights[:, 0].max() > reach:
         return False
     for tet in tip:
         weight = np.linalg.solve(np.vstack([points[tet].T, np.ones(4)]), _homogeneous(points).T)
