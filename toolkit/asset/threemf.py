@@ -64,9 +64,11 @@ def read_threemf(path: Path, data: bytes, references: References) -> AssetConten
                 surfaces.append(piece)
                 if len(surfaces) > MOST_PIECES:
                     raise InputError("threemf.pieces", path=path, most=MOST_PIECES)
-    warnings = [
-        Note("threemf.left_out", count=count, kind=kind) for kind, count in package.left.items()
-    ]
+    warnings = []
+    for kind, count in package.left.items():
+        hole = kind.lower().startswith("negative")
+        told = "threemf.hole" if hole else "threemf.left_out"
+        warnings.append(Note(told, count=count, kind=kind))
     if not surfaces:
         raise InputError("threemf.empty", path=path, left=", ".join(warnings) or "its build")
     return AssetContent(surfaces, metres=metres, up="z", warnings=(*package.warnings, *warnings))
