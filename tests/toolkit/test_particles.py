@@ -200,6 +200,7 @@ def test_a_run_that_fails_exits_with_6_and_leaves_its_log(bar, tmp_path, capsys,
     assert not out.exists()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("options", "code", "why"),
     [
