@@ -215,8 +215,8 @@ def load_tagger() -> Tagger:
     return Tagger()
 
 
-# Least certainty of the tagger to be heard where the grammar is in doubt, where it is not, and to be
-# told where it is not heard; chosen on the eleventh set, on which neither had been made.
+# Least certainty of the tagger to be heard where the grammar is in doubt, where it is not, and to
+# be told where it is not heard; chosen on the eleventh set, on which neither had been made.
 LIKELY, SURE, TOLD = 0.9, 0.995, 0.7
 _DECIDING = ("matter", "number", "relation", "content")
 
