@@ -81,7 +81,11 @@ def parse(text: str, table: MaterialTable, names: Sequence[str] = ()) -> Sentenc
     states = {*words()["states"]["words"]}
     aside = [
         x.text for x in lexed.lexemes
-        if (x.role == "material" or not x.known or x.text.lower() in states) and not x.part
+        if (
+            x.role == "material" or not x.known or x.text.lower() in states
+            or (x.role == "word" and not lexicon.model.is_word(x.text.lower()))  # "moly faced"
+        )
+        and not x.part
         and not any(a <= x.start < b for a, b in (clause.span for clause in clauses))
         and x.text.lower() not in told
     ]  # fmt: skip
