@@ -2,6 +2,7 @@
 
 import json
 from base64 import b64decode
+from dataclasses import replace
 from io import BytesIO
 
 import numpy as np
@@ -21,7 +22,7 @@ from autophyx_tet.predictors.grid import Grid
 from autophyx_tet.toolkit.cli.main import main
 from autophyx_tet.toolkit.options import SimulateOptions
 from autophyx_tet.toolkit.pipeline import simulate
-from autophyx_tet.toolkit.simulation.scenario import flowing_substances, substances
+from autophyx_tet.toolkit.simulation.scenario import flowing_substances, particle_method, substances
 from PIL import Image
 
 from ..converters.test_driving import splats
@@ -395,6 +396,16 @@ def test_a_part_that_flows_by_its_material_needs_no_word():
     found, notes = flowing_substances({"dab": "mud"}, {})
     assert not found
     assert "the tables know no yield_stress of it: elastic;" in notes[0]
+
+
+@pytest.mark.parametrize(("slope", "angle"), [(0.3266, 30.0), (0.6, 53.7), (0.9, 90.0)])
+def test_a_slope_of_sand_is_told_as_an_angle(slope, angle):
+    """.6, the tangent of 31 degrees, is a slope of 54: a heap of it runs out half as far."""
+    options = SimulateOptions(matter=(f"heap=sand,friction={slope}",))
+    (note,) = particle_method(options, {"heap": "like dry sand"}).notes
+    assert note.kind == "scenario.slope"
+    assert note.values["angle"] == pytest.approx(angle, abs=0.05)
+    assert not particle_method(replace(options, matter=("heap=jelly",)), {"heap": "oak"}).notes
 
 
 @pytest.mark.slow
