@@ -21,7 +21,6 @@ JELLY = {"E": 1.5e4, "nu": 0.3, "rho": 400.0}
 SHOWN = (0.0, 0.5, 1.0)  # of the load
 FORCE = 0.015  # [N]
 PIXELS = 260
-RIM = 0.17  # of a frame, left out on each side
 C0 = 0.28209479177387814  # of the harmonic of degree 0
 
 
@@ -54,12 +53,6 @@ def splats(asset, path: Path, *, total: int = COUNT, share: float = SIZE) -> Pat
     return path
 
 
-def inner(size: tuple[int, int]) -> tuple[float, float, float, float]:
-    """The middle of a frame, without its empty rim."""
-    width, height = size
-    return RIM * width, RIM * height, (1 - RIM) * width, (1 - RIM) * height
-
-
 def main() -> None:
     """Bend the splats and put three frames side by side."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -86,7 +79,7 @@ def main() -> None:
         sheet = Image.new("RGB", (PIXELS * len(SHOWN), PIXELS), "white")
         for i, share in enumerate(SHOWN):
             film.seek(round(share * (film.n_frames - 1)))
-            frame = film.convert("RGB").resize((PIXELS, PIXELS), box=inner(film.size))
+            frame = film.convert("RGB").resize((PIXELS, PIXELS))
             sheet.paste(frame, (i * PIXELS, 0))
     sheet.quantize(128).save(options.picture, optimize=True)
 

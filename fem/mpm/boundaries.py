@@ -9,7 +9,7 @@ from enum import IntEnum
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from ..errors import InputError
 from ..mesh import TetMesh, face_areas, face_normals
@@ -233,12 +233,15 @@ class BackgroundGrid(NamedTuple):
         """Positions [m] of nodes by number."""
         return self.origin + self.spacing * np.stack(np.unravel_index(numbers, self.shape), axis=1)
 
+    def holds(self, x: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, "n"]:
+        """Which positions [m] have all of their 27 nodes in the grid."""
+        first = self.first_nodes(x)
+        return np.asarray(((first >= 0) & (first < np.array(self.shape) - 2)).all(axis=1))
+
     def near(self, x: Float[np.ndarray, "n 3"], *, drift: int = 1) -> Int[np.ndarray, "nodes"]:
         """Numbers of the nodes that particles reach while they drift up to ``drift`` spacings."""
         mark = np.zeros(self.shape, dtype=bool)
-        first = self.first_nodes(x)
-        room = ((first >= 0) & (first < np.array(self.shape) - 2)).all(axis=1)
-        mark.ravel()[self.flat(first[room])] = True
+        mark.ravel()[self.flat(self.first_nodes(x[self.holds(x)]))] = True
         for axis in range(3):  # mark what lies up to so many nodes further along an axis, too
             along = np.moveaxis(mark, axis, 0)
             wide, size = np.zeros_like(along), len(along)

@@ -241,6 +241,7 @@ class _Run:
         self.load = particles.mass[:, None] * gravity + force
         self.positions: list[np.ndarray] = []
         self.gradients: list[np.ndarray] = []
+        self.left: list[np.ndarray] = []
         dt = np.inf  # nothing moves
         if self.solver is not None:
             fastest = float(np.linalg.norm(particles.velocity, axis=1).max())
@@ -275,6 +276,7 @@ class _Run:
         self.time = state.time
         self.positions.append(state.x.astype(np.float32))
         self.gradients.append(state.F.astype(np.float32))
+        self.left.append(~self.room.holds(state.x))
         gaps = [
             o.distance(state.x - state.time * np.asarray(o.velocity, dtype=float)).gap.min()
             for o in obstacles
@@ -346,4 +348,5 @@ class _Run:
             part=particles.part,
             positions=np.stack(self.positions),
             gradients=np.stack(self.gradients),
+            left=np.logical_or.accumulate(self.left),
         )

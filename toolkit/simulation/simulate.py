@@ -164,6 +164,7 @@ def simulate(
     if drive is not None and output is not None:
         output.parent.mkdir(parents=True, exist_ok=True)
         place = {"folder": output.parent, "scale": scale, "up": sidecar.up}
+        place["ground"] = result.scene.floor
         moved = result.animation.displacement
         driven = move_carrier(result.mesh, moved, drive, run=result.particles, **place)
         result = replace(result, driven=driven)
