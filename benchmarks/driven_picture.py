@@ -40,7 +40,7 @@ def splats(asset, path: Path, *, total: int = COUNT, share: float = SIZE) -> Pat
         x, faces = trimesh.sample.sample_surface(part.mesh, count, seed=0)[:2]
         weights = trimesh.triangles.points_to_barycentric(part.mesh.triangles[faces], x)
         colour = skin_of(part.mesh)(faces, weights.astype(np.float32))[:, :3]
-        lit = np.abs(part.mesh.face_normals[faces] @ LIGHT)[:, None]
+        lit = 0.5 + 0.5 * (part.mesh.face_normals[faces] @ LIGHT)[:, None]
         colours.append(np.clip(colour * (0.6 + 0.5 * lit) + 0.12 * lit, 0, 1))
         points.append(x)
     x, colour = np.concatenate(points), np.concatenate(colours).astype(float)

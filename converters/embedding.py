@@ -211,6 +211,11 @@ class ParticleNeighbours:
         outside = np.asarray(away > run.spacing)
         return cls(run, follow, outside, np.where(outside, away, 0.0))
 
+    @property
+    def size(self) -> float:
+        """Diagonal [m] of the particles at the start."""
+        return float(np.linalg.norm(np.ptp(self.run.positions[0], axis=0)))
+
     def only(self, rows: Any) -> ParticleNeighbours:
         """Some of the points."""
         from ..fem.mpm.particles import Followers
@@ -291,6 +296,11 @@ class Embedding:
     arms: Float[np.ndarray, "n 4 3"]
     outside: Bool[np.ndarray, "n"]
     away: Float[np.ndarray, "n"]
+
+    @property
+    def size(self) -> float:
+        """Diagonal [m] of the mesh."""
+        return float(np.linalg.norm(np.ptp(self.mesh.bounds, axis=0)))
 
     def only(self, rows: Any) -> Embedding:
         """Some of the points."""

@@ -76,11 +76,12 @@ class FilmRecord(NamedTuple):
 class Actor:
     """Splats of a film and the ``states`` that carry them, those that belong to the body alone."""
 
-    def __init__(self, driven: Driven, states: Sequence[Any] | np.ndarray, size: float) -> None:
+    def __init__(self, driven: Driven, states: Sequence[Any] | np.ndarray) -> None:
         from ..converters.points.film import Shown
 
-        body = driven.embedding.away <= BODY * size
+        body = driven.embedding.away <= BODY * driven.embedding.size
         table = driven.table.only(np.flatnonzero(driven.valid)[body])
+        self.driven = driven
         self.table, self.embedding = table, driven.embedding.only(body)
         self.shown, self.states, self.scale = Shown(table), states, driven.scale
         self.floating = len(driven.table) - len(table)
@@ -110,13 +111,21 @@ def record(
     up: UpAxis,
     ground: float | None = None,
     titles: Sequence[str] = (),
+    key: str = "",
     progress: Callable[[int, int], None] | None = None,
 ) -> FilmRecord:
     """Write a film (.webp) of actors side by side, seen alike, and an .mp4 where that can be made.
 
-    Frames that the file has already stay. ``ground`` [m] is the height of what they stand on.
+    Frames that a film of the same ``key`` has already stay: it goes on after them. ``ground`` [m]
+    is the height of what they stand on.
     """
     from ..converters.points import film
+
+    beside = path.with_suffix(".key")
+    if not (key and beside.is_file() and beside.read_text() == key):
+        path.unlink(missing_ok=True)
+        if key:
+            beside.write_text(key)
 
     first, frames = actors[0], len(actors[0].states)
     scale, some = first.scale, slice(None, None, max(1, len(first.table) // film.FEW))
@@ -181,23 +190,22 @@ def drive(
     if form.write is None:
         warnings.append(f"{form.title} ({suffix}) are read only here: the frames are .ply")
         suffix = ".ply"
-    table = read_points(carrier)
-    if run is None:
-        driven, states = Driven.of(table, mesh, scale=scale), displacements
-    else:
-        driven, states = Driven.by_particles(table, run, scale=scale), range(len(run.positions))
-    film = None
+    table, states, film = read_points(carrier), displacements, None
+    driven = Driven.of(table, mesh, scale=scale)
+    if run is not None:
+        states = range(len(run.positions))
+        driven = Driven.by_particles(table, run, scale=scale)
     with writing_folder(folder) as scratch:
         names = []
         for i, moved in enumerate(driven.frames(states)):
             names.append(f"{carrier.stem}_{i:05d}{suffix}")
             write_points(scratch / names[-1], moved)
         if driven.table.is_splat and isinstance(states, Sequence | np.ndarray):
-            actor = Actor(driven, states, _size(mesh, run))
+            actor = Actor(driven, states)
             if len(actor.table):
                 film = record(scratch / f"{carrier.stem}.webp", [actor], up=up, ground=ground)
                 film = film._replace(files=tuple(folder / file.name for file in film.files))
-    known = driven_record(driven, mesh, run)
+    known = driven_record(driven)
     return replace(
         known,
         files=tuple(folder / name for name in names),
@@ -208,15 +216,9 @@ def drive(
     )
 
 
-def _size(mesh: TetMesh, run: ParticleRun | None) -> float:
-    """Diagonal [m] of what carries."""
-    rest = mesh.points if run is None else run.positions[0]
-    return float(np.linalg.norm(np.ptp(rest, axis=0)))
-
-
-def driven_record(driven: Driven, mesh: TetMesh, run: ParticleRun | None) -> DriveRecord:
+def driven_record(driven: Driven) -> DriveRecord:
     """How a carrier lies in what carries it; a warning where much of it lies far outside."""
-    warnings, room = [], FAR * _size(mesh, run)
+    warnings, room = [], FAR * driven.embedding.size
     count, far = int(driven.valid.sum()), int((driven.embedding.away > room).sum())
     if far > STRAY * count:
         known = {"far": far, "count": count, "room": room, "farthest": driven.farthest}

@@ -179,7 +179,11 @@ class _Run:
         region = mesh.region[sample.tet].astype(np.int64)
         velocity = np.asarray(scene.velocity, dtype=float)
         if velocity.ndim == 2:
-            velocity = velocity[mesh.tets[sample.tet]].mean(axis=1)
+            corners, known = mesh.points[mesh.tets[sample.tet]], velocity[mesh.tets[sample.tet]]
+            edges = (corners[:, 1:] - corners[:, :1]).transpose(0, 2, 1)
+            along = np.linalg.solve(edges, (sample.x - corners[:, 0])[:, :, None])
+            change = (known[:, 1:] - known[:, :1]).transpose(0, 2, 1)
+            velocity = known[:, 0] + (change @ along)[:, :, 0]
         particles = Particles(
             x=sample.x, volume=sample.volume, E=material.E[sample.tet],
             nu=material.nu[sample.tet], rho=material.rho[sample.tet], part=region,
@@ -328,7 +332,8 @@ class _Run:
         """What is kept of the particles themselves."""
         solver, treatment, notes = self.solver, self.treatment, self.notes
         particles = treatment.particles
-        outside = solver.outside if solver is not None else 0
+        left = np.logical_or.accumulate(self.left)
+        outside = int(left[-1].sum())
         if outside:
             notes = (*notes, Note("method.particles_left", outside=outside))
         return ParticleRun(
@@ -348,5 +353,5 @@ class _Run:
             part=particles.part,
             positions=np.stack(self.positions),
             gradients=np.stack(self.gradients),
-            left=np.logical_or.accumulate(self.left),
+            left=left,
         )

@@ -117,6 +117,6 @@ def test_what_leaves_the_grid_leaves_the_picture():
     assert (end[gone] < 1e-30).all()
     stays = table.positions[:, 0] < 0.24
     np.testing.assert_array_equal(end[stays], start[stays])
-    actor = Actor(driven, range(2), 1.0)
+    actor = Actor(driven, range(2))
     assert (actor.frame(1).opacity[gone] == 0).all()
     assert gone.sum() <= actor.gone.sum() <= (~stays).sum()
