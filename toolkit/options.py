@@ -208,7 +208,7 @@ class SimulateOptions:
     """How the result is loaded and solved."""
 
     scenario: Annotated[str, choice(SCENARIOS)] = "sag"
-    """It stands, hangs, is blown at, poked, dropped, squeezed, rings, falls or is torn."""
+    """It stands, hangs, is blown at, poked, dropped, squeezed, rings, falls, spins or is torn."""
     solver: Literal["fem", "mpm", "spring", "lbs"] = "fem"
     """Finite elements; particles (MPM: flows, breaks); a spring network; a reduced body (LBS)."""
     grid: int = 64
@@ -279,12 +279,18 @@ class SimulateOptions:
     """How far the plates close, as a share of the body's width."""
     fall_height: float | None = None
     """Height of the fall [m]; by default the size of the body."""
+    spin_rate: float = 1.0
+    """Turns a second at the start [1/s]."""
     tear_share: float = 0.3
     """How far the grips part, as a share of the body's length."""
     modes: int = 6
     """Natural vibrations to find under `modal`."""
     device: Literal["cpu", "cuda"] = "cpu"
     """Where to solve."""
+    budget: float | None = None
+    """CPU seconds of a film of --drive: a coarse body and the method that fits; `film` takes 60."""
+    seconds: float = 2.0
+    """Length of that film [s]; what is over sooner is shown slower."""
     touch: tyro.conf.FlagCreatePairsOff[bool] = False
     """The page has a body to pull with mouse or finger; takes some seconds more."""
 

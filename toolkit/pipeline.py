@@ -201,6 +201,7 @@ def assign(
     from ..predictors.assign import predict_materials
     from ..predictors.resolve.numbers import numbers_of_parts
     from .features import appearance_of
+    from .segment import cut_voxels
     from .walls import Called, Walls, build_parts, share_within, with_walls
 
     options = with_given(options or AssignOptions(), given, verb="assign").checked()
@@ -228,6 +229,7 @@ def assign(
         usual=called.usual_materials(),
         up=sidecar.up,
         appearance=seen and partial(appearance_of, seen, voxels, encoder=options.encoder),
+        regions_of=seen and partial(cut_voxels, seen, voxels, up=sidecar.up),
         regions=region_texts(options),
     )
     found = said.filled(found)

@@ -58,7 +58,7 @@ def parse(text: str, table: MaterialTable, names: Sequence[str] = ()) -> Sentenc
     """
     if len(text) > LONGEST:
         raise UsageError("reader.text_characters", count=len(text), longest=LONGEST)
-    lexicon, text = lexicon_of(table), without_tables(text)
+    lexicon, text = lexicon_of(table), without_tables(text, names)
     lexed = lex(text, lexicon, names)
     lexed.lexemes = point_back(one_of(lone_grades(bare_numbers(lexed.lexemes))))
     lexed.lexemes = same_again(lexed.lexemes, lexicon)
