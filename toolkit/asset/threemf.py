@@ -66,9 +66,10 @@ def read_threemf(path: Path, data: bytes, references: References) -> AssetConten
                     raise InputError("threemf.pieces", path=path, most=MOST_PIECES)
     warnings = []
     for kind, count in package.left.items():
-        hole = kind.lower().startswith("negative")
-        told = "threemf.hole" if hole else "threemf.left_out"
-        warnings.append(Note(told, count=count, kind=kind))
+        told = Note("threemf.left_out", count=count, kind=kind)
+        if kind.lower().startswith("negative"):
+            told = Note("threemf.hole", count=count, kind=kind)
+        warnings.append(told)
     if not surfaces:
         raise InputError("threemf.empty", path=path, left=", ".join(warnings) or "its build")
     return AssetContent(surfaces, metres=metres, up="z", warnings=(*package.warnings, *warnings))
