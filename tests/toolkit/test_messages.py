@@ -76,12 +76,3 @@ def test_a_conversion_has_at_most_five_warnings():
         assert any(words in sentence for sentence in told)
     few = said(replace(report, sheets=("flag",), lost=("pin",)))
     assert [note.kind for note in few] == ["messages.sheets", "messages.lost"]
-
-
-def test_a_primitive_of_a_modeller_is_no_hollow_thing():
-    """A gas cylinder is likely a shell; Cylinder.003 is the shape that a modeller began with."""
-    ball = trimesh.creation.icosphere(subdivisions=2)
-    for name, hollow in (("gas cylinder", True), ("Cylinder.003_Cylinder.001", False)):
-        asset = Asset("thing", (Part(name, ball),))
-        mesh, _ = tetrahedralize(asset, mesher="stuffing", edge_length_rel=0.2)
-        assert bool(likely_hollow(asset, mesh, {})) == hollow, name

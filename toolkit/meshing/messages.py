@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 
 from ...fem.mesh import TetMesh, boundary_faces
@@ -26,8 +25,6 @@ MOST = 5  # names that a sentence lists, and sentences of a conversion
 # Kinds of what is left out, and of how it was made: one sentence where there are more than so many.
 OMITTED = ("floaters", "sheets", "thin", "lost", "sheet_share")
 MAKING = ("attempts", "wider", "too_long", "far", "finer", "over_budget")
-# What modellers call a shape of theirs, which is no thing: Cylinder.003.
-PRIMITIVE = re.compile(r"(cube|cylinder|cone|sphere|torus)\.\d{3}\b.*", re.IGNORECASE)
 KEPT_BY = 0.95  # of a plate's thickness: the envelope that keeps it
 FINEST = 1e-4  # of the diagonal: an epsilon that no engine keeps in an hour
 
@@ -231,7 +228,6 @@ def likely_hollow(asset: Asset, mesh: TetMesh, walls: Mapping[int, float]) -> tu
     hollow = []
     for number, part in enumerate(asset.parts):
         names = (part.name, *part.labels, asset.name)
-        names = [name for name in names if not PRIMITIVE.match(name)]
         kinds = [kind for name in names for kind in kinds_named(head_of_name(name))]
         shell = any(kind.hollow != "never" for kind in kinds)
         if shell and number not in walls and part.name in mesh.region_names:
