@@ -115,6 +115,10 @@ def discretisation(result: SagResult) -> Check:
     told = {"about": shown, "limit": TRUSTED, "by": by}
     told["edge"] = edge_fraction(result.static.mesh)
     said = Note("checks.mesh_fine" if passed else "checks.mesh_coarse", **told)
+    if passed and not result.trusted:  # it is the error of an answer that is none
+        why = Note("checks.no_rest")
+        said = f"{said} {Note('checks.of_linear', why=why)}"
+        return Check("discretisation", "doubtful", said, about, TRUSTED, why=why)
     return Check("discretisation", _passed(passed), said, about, TRUSTED)
 
 
