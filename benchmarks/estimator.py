@@ -216,7 +216,7 @@ def main() -> None:
     if options.refine is not None:
         done = [row for row in rows if row["done"]]
         kept = sum(row["error"] <= options.refine / 100 for row in done)
-        summary = {"cases": len(rows), "done": len(done), "kept": kept}
+        summary = {"cases": len(rows), "done": len(done), "kept": int(kept)}
     else:
         summary = {}
         for name, (low, high) in WANTED.items():

@@ -90,6 +90,7 @@ def test_a_shell_within_another_of_the_same_way_is_told_and_a_cavity_is_none():
     assert swallowed(stacked((Part("a", beside),))) == []
 
 
+@pytest.mark.slow
 def test_what_a_coarse_lattice_cuts_off_has_its_part_volume_and_place():
     """The thin end of a wedge: the last eighth of its length is (1/8)^2 of its volume."""
     corners = [[x, y, z] for x, z in ((0, 0), (1, 0), (0, 0.5)) for y in (0, 0.3)]
@@ -112,6 +113,7 @@ def test_a_part_without_tets_has_a_row():
     assert rows == {"box": len(mesh.tets), "lid": 0}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("share", "attempts"), [(0.004, 1), (0.006, 2)])
 def test_a_crumb_that_comes_off_makes_no_lattice_finer(monkeypatch, share, attempts):
     """.4 % of a part is told, if anything; .6 % is mended: within a budget by beads alone."""

@@ -83,6 +83,7 @@ FRAMES = [
 ]  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("frame", FRAMES)
 def test_of_made_sentences_no_word_is_passed_over(frame, table):
     texts = [frame.format(p="frame", m=m, n=n) for m, n in itertools.permutations(MATTERS, 2)]
