@@ -881,7 +881,13 @@ def clause_of(text: str, draft: Draft, lexicon: ReaderLexicon) -> Clause:
         and not (head and word.isalpha() and re.search(rf"{word}[ -]{re.escape(head)}", text))
         and word not in words()["states"]["words"] and not lexicon.model.is_noun(word.lower())
     ]  # fmt: skip
-    left = [word for word in left if word not in idle]
+    # Nor do other words for what was taken: "POM (black acetal)"
+    cut = {word: lexicon.phrase(word) for word in left}
+    others = {
+        word: next((lexicon.rows[p[k:]] for k in range(len(p)) if p[k:] in lexicon.rows), None)
+        for word, p in cut.items()
+    }  # fmt: skip
+    left = [word for word in left if word not in idle and not (row and others[word] is row)]
     told = [Note("reader.beside_left", word=word) for word in left]
     if idle:
         said = ", ".join(map(repr, dict.fromkeys(idle)))
