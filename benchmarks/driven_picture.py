@@ -21,7 +21,6 @@ JELLY = {"E": 1.5e4, "nu": 0.3, "rho": 400.0}
 SHOWN = (0.0, 0.5, 1.0)  # of the load
 FORCE = 0.015  # [N]
 PIXELS = 260
-RIM = 0.17  # of a frame, left out on each side
 C0 = 0.28209479177387814  # of the harmonic of degree 0
 
 
@@ -41,7 +40,7 @@ def splats(asset, path: Path, *, total: int = COUNT, share: float = SIZE) -> Pat
         x, faces = trimesh.sample.sample_surface(part.mesh, count, seed=0)[:2]
         weights = trimesh.triangles.points_to_barycentric(part.mesh.triangles[faces], x)
         colour = skin_of(part.mesh)(faces, weights.astype(np.float32))[:, :3]
-        lit = np.abs(part.mesh.face_normals[faces] @ LIGHT)[:, None]
+        lit = 0.5 + 0.5 * (part.mesh.face_normals[faces] @ LIGHT)[:, None]
         colours.append(np.clip(colour * (0.6 + 0.5 * lit) + 0.12 * lit, 0, 1))
         points.append(x)
     x, colour = np.concatenate(points), np.concatenate(colours).astype(float)
@@ -52,12 +51,6 @@ def splats(asset, path: Path, *, total: int = COUNT, share: float = SIZE) -> Pat
     )
     write_points(path, PointTable(columns))
     return path
-
-
-def inner(size: tuple[int, int]) -> tuple[float, float, float, float]:
-    """The middle of a frame, without its empty rim."""
-    width, height = size
-    return RIM * width, RIM * height, (1 - RIM) * width, (1 - RIM) * height
 
 
 def main() -> None:
@@ -86,7 +79,7 @@ def main() -> None:
         sheet = Image.new("RGB", (PIXELS * len(SHOWN), PIXELS), "white")
         for i, share in enumerate(SHOWN):
             film.seek(round(share * (film.n_frames - 1)))
-            frame = film.convert("RGB").resize((PIXELS, PIXELS), box=inner(film.size))
+            frame = film.convert("RGB").resize((PIXELS, PIXELS))
             sheet.paste(frame, (i * PIXELS, 0))
     sheet.quantize(128).save(options.picture, optimize=True)
 

@@ -1,4 +1,4 @@
-"""From a file of Gaussian splats to a moving sequence and a GIF by the material point method.
+"""From a file of Gaussian splats to a moving sequence and a film by the material point method.
 
     python benchmarks/mpm_splats.py [--piece BlendSwap-CC-0/electricGuitar] [--splats 60000]
 
@@ -81,7 +81,7 @@ def main() -> None:
             key: round(sum(stage[key] for stage in row.values()), 1) for key in ("wall_s", "cpu_s")
         }
         frames = len(list(root.rglob("*.ply"))) - 1
-        films = [path.name for path in root.rglob("*.gif")]
+        films = [path.name for path in root.rglob("*.webp")]
     about = {"piece": options.piece, "splats": options.splats, "grid": options.grid}
     print(json.dumps({**about, "frames": frames, "films": films, "load": os.getloadavg(), **row}))
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -29,6 +29,63 @@ if TYPE_CHECKING:
 
 
 NORMALS = ("nx", "ny", "nz")
+# No splat becomes longer than so many times its length at rest: beyond, matter is torn.
+STRETCH = 3.0
+CLEAR = -80.0  # logit of the opacity of what is no longer there
+
+
+class Bounded(NamedTuple):
+    """Deformation gradients ``F`` (m, 3, 3), and which of them were ``clamped`` (m,)."""
+
+    F: np.ndarray
+    clamped: np.ndarray
+
+
+def bounded(F: Float[np.ndarray, "m 3 3"], most: float = STRETCH) -> Bounded:
+    """Gradients of which none stretches by more than ``most`` [1].
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from autophyx_tet.converters.embedding import bounded
+    >>> bounded(np.diag([5.0, 1.0, 0.5])[None]).F[0].diagonal().round(9).tolist()
+    [3.0, 1.0, 0.5]
+    """
+    clamped = np.sqrt((F**2).sum(axis=(1, 2))) > most  # no stretch is larger than that
+    if clamped.any():
+        left, sizes, right = np.linalg.svd(F[clamped])
+        F = F.copy()
+        F[clamped] = (left * np.minimum(sizes, most)[:, None]) @ right
+        clamped[clamped] = sizes[:, 0] > most
+    return Bounded(F, clamped)
+
+
+class Carried(NamedTuple):
+    """Points in a frame: ``positions`` (n, 3) [m], and who of them are ``gone`` (n,).
+
+    Each follows the ``near`` (n, k) of the ``sources`` (m, 3, 3), bounded gradients of mesh points
+    or particles, by ``weights`` (n, k); ``clamped`` (m,) are sources that were bounded.
+    """
+
+    positions: np.ndarray
+    sources: np.ndarray
+    near: np.ndarray
+    weights: np.ndarray
+    gone: np.ndarray
+    clamped: np.ndarray
+
+    @property
+    def gradients(self) -> Float[np.ndarray, "n 3 3"]:
+        """Deformation gradients at the points, as smooth as their weights."""
+        return np.einsum("nk,nkij->nij", self.weights, self.sources[self.near])
+
+    @property
+    def rotations(self) -> Float[np.ndarray, "n 3 3"]:
+        """Rotations at the points: the mean of those of the sources, made orthogonal."""
+        R = np.einsum("nk,nkij->nij", self.weights, polar(self.sources).rotation[self.near])
+        for _ in range(4):  # Newton and Schulz; of turns that are a right angle apart 1e-6 is left
+            R = R @ (1.5 * np.eye(3) - 0.5 * R.transpose(0, 2, 1) @ R)
+        return R
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,27 +144,30 @@ class Driven:
         """Largest distance [m] of one of those."""
         return float(self.embedding.away.max(initial=0.0))
 
-    def frames(self, displacements: Iterable[Any]) -> Iterator[PointTable]:
+    def frames(self, states: Iterable[Any]) -> Iterator[PointTable]:
         """The table moved by every state of what it is embedded in.
 
         That is a displacement (points, 3) [m] of the mesh points, or the number of a frame of the
-        particles.
+        particles. Splats whose particles have left the grid are as clear as a file can say.
         """
-        found, normals = self.embedding, None
+        normals = None
         splats = _Splats(self.table, self.valid) if self.table.is_splat else None
         if all(name in self.table.columns for name in NORMALS):
             normals = np.stack([self.table.columns[name] for name in NORMALS], axis=1)
             normals = normals.astype(float)[self.valid] if normals.any() else None
-        for displacement in displacements:
-            positions = found.positions(displacement) / self.scale
-            moved = dict(zip(XYZ, positions.T, strict=True))
+        for state in states:
+            now = self.embedding.carried(state)
+            moved = dict(zip(XYZ, now.positions.T / self.scale, strict=True))
             if splats is not None or normals is not None:
-                rotation, stretch = polar(found.gradients(displacement))
+                rotation, stretch = polar(now.gradients)
                 if splats is not None:
-                    moved |= splats.moved(rotation, stretch, found.of_point)
+                    moved |= splats.moved(rotation, stretch)
+                    if now.gone.any():
+                        old = np.asarray(self.table.columns["opacity"])[self.valid]
+                        moved["opacity"] = np.where(now.gone, CLEAR, old)
                 if normals is not None:  # F^-T n under F = R U, each at its length
-                    across = np.linalg.solve(stretch[found.of_point], normals[:, :, None])
-                    turned = (rotation[found.of_point] @ across)[:, :, 0]
+                    across = np.linalg.solve(stretch, normals[:, :, None])
+                    turned = (rotation @ across)[:, :, 0]
                     length = np.linalg.norm(turned, axis=1, keepdims=True)
                     size = np.linalg.norm(normals, axis=1, keepdims=True)
                     turned = turned * size / np.where(length > 0, length, 1)
@@ -152,24 +212,32 @@ class ParticleNeighbours:
         return cls(run, follow, outside, np.where(outside, away, 0.0))
 
     @property
-    def of_point(self) -> Int[np.ndarray, "n"]:
-        """Row of every point in what ``gradients`` returns."""
-        return np.arange(len(self.outside))
+    def size(self) -> float:
+        """Diagonal [m] of the particles at the start."""
+        return float(np.linalg.norm(np.ptp(self.run.positions[0], axis=0)))
 
-    def positions(self, frame: int) -> Float[np.ndarray, "n 3"]:
-        """Positions [m] of the points in a frame."""
-        return self.follow.positions(self._state(frame))
+    def only(self, rows: Any) -> ParticleNeighbours:
+        """Some of the points."""
+        from ..fem.mpm.particles import Followers
 
-    def gradients(self, frame: int) -> Float[np.ndarray, "n 3 3"]:
-        """Deformation gradients at the points in a frame."""
-        return self.follow.gradients(self._state(frame))
+        follow = Followers(*(getattr(self.follow, f.name)[rows] for f in fields(Followers)))
+        return ParticleNeighbours(self.run, follow, self.outside[rows], self.away[rows])
 
-    def _state(self, frame: int) -> Any:
+    def carried(self, frame: int) -> Carried:
+        """The points in a frame."""
         from ..fem.mpm.particles import ParticleState
 
         x = self.run.positions[frame].astype(np.float64)
         F = self.run.gradients[frame].astype(np.float64)
-        return ParticleState(float(frame), x, x, F, x[:, 0])
+        state = ParticleState(float(frame), x, x, F, x[:, 0])
+        near, weights = self.follow.near, self.follow.weights_in(state)
+        sources, clamped = bounded(F)
+        gone = (weights * self.run.left[frame][near]).sum(axis=1) > 0.5  # most of it
+        # The nearest particle has nearly all the weight of a place, and its F alone is rough
+        even = np.sqrt(weights)
+        even /= even.sum(axis=1, keepdims=True)
+        x = self.follow.positions(state, weights)
+        return Carried(x, sources, near, even, gone, clamped)
 
 
 class _Splats:
@@ -187,18 +255,16 @@ class _Splats:
             flat = np.stack([np.asarray(table.columns[name])[valid] for name in self.names], axis=1)
             self.harmonics = flat.reshape(len(flat), channels, -1)
 
-    def moved(
-        self, rotation: np.ndarray, stretch: np.ndarray, of: np.ndarray
-    ) -> dict[str, np.ndarray]:
-        """Columns of scales, rotations and harmonics under F = R U of the tet ``of`` each."""
-        found = stretched(self.sigmas, self.axes, rotation[of], stretch[of])
+    def moved(self, rotation: np.ndarray, stretch: np.ndarray) -> dict[str, np.ndarray]:
+        """Columns of scales, rotations and harmonics under F = R U of each."""
+        found = stretched(self.sigmas, self.axes, rotation, stretch)
         with np.errstate(divide="ignore"):  # a flat splat stays flat: its log is -inf
             scales = np.log(found.sigmas)
         columns = {f"scale_{i}": scales[:, i] for i in self.scales}
         quaternions = quaternions_of(found.axes)
         columns |= {f"rot_{i}": quaternions[:, i] for i in range(4)}
         if self.harmonics is not None:
-            flat = turned_harmonics(self.harmonics, rotation, of).reshape(len(of), -1)
+            flat = turned_harmonics(self.harmonics, rotation).reshape(len(rotation), -1)
             columns |= dict(zip(self.names, flat.T, strict=True))
         return columns
 
@@ -210,49 +276,64 @@ ON_FACE = 1e-9  # of the mesh's longest side: a point so near to its surface is 
 class Embedding:
     """Where points lie in a mesh.
 
-    mesh: The mesh at rest.
+    A point moves by the mean over the corners of its tet of what each knows of it: its displacement
+    and half of the gradient along the way, u = sum w_k (u_k + G_k (X - X_k) / 2), exact for a
+    quadratic u. Gradients at corners are means over the tets around.
+
+    mesh, rest: The mesh at rest, and the points (n, 3) [m].
     tet: Tet of every point, shape (n,): the one around it, or the nearest.
-    weights: Barycentric coordinates in it, shape (n, 4); some are negative outside.
-    outside: Points in no tet, shape (n,): they follow the affine map of the nearest one.
+    weights: Barycentric coordinates in it, shape (n, 4), of a point outside those of the nearest
+        place on the surface.
+    arms: What the gradient at each corner is taken along, shape (n, 4, 3) [m].
+    outside: Points in no tet, shape (n,).
     away: Distance of such a point from the surface [m], shape (n,); 0 of points inside.
     """
 
     mesh: TetMesh
+    rest: Float[np.ndarray, "n 3"]
     tet: Int[np.ndarray, "n"]
     weights: Float[np.ndarray, "n 4"]
+    arms: Float[np.ndarray, "n 4 3"]
     outside: Bool[np.ndarray, "n"]
     away: Float[np.ndarray, "n"]
 
-    @cached_property
-    def _used(self) -> tuple[Int[np.ndarray, "used"], Int[np.ndarray, "n"]]:
-        """The tets that hold a point, and which of them every point has."""
-        tets, of = np.unique(self.tet, return_inverse=True)
-        return tets, of
-
-    @cached_property
-    def _rest(self) -> Float[np.ndarray, "used 3 3"]:
-        """Inverse of the edge matrix of the used tets at rest."""
-        return np.linalg.inv(self._edges(self.mesh.points))
-
-    def _edges(self, points: np.ndarray) -> np.ndarray:
-        corners = points[self.mesh.tets[self._used[0]]]
-        return (corners[:, 1:] - corners[:, :1]).transpose(0, 2, 1)
-
     @property
-    def of_point(self) -> Int[np.ndarray, "n"]:
-        """Row of every point in what ``gradients`` returns."""
-        return self._used[1]
+    def size(self) -> float:
+        """Diagonal [m] of the mesh."""
+        return float(np.linalg.norm(np.ptp(self.mesh.bounds, axis=0)))
 
-    def positions(self, displacement: Float[np.ndarray, "points 3"]) -> Float[np.ndarray, "n 3"]:
-        """Positions [m] of the points when the mesh points are moved by ``displacement`` [m]."""
-        moved = self.mesh.points + displacement
-        return np.einsum("nk,nki->ni", self.weights, moved[self.mesh.tets[self.tet]])
+    def only(self, rows: Any) -> Embedding:
+        """Some of the points."""
+        arrays = {f.name: getattr(self, f.name)[rows] for f in fields(self) if f.name != "mesh"}
+        return Embedding(self.mesh, **arrays)
 
-    def gradients(
-        self, displacement: Float[np.ndarray, "points 3"]
-    ) -> Float[np.ndarray, "used 3 3"]:
-        """Deformation gradient F of every tet that holds a point; ``of_point`` says which."""
-        return self._edges(self.mesh.points + displacement) @ self._rest
+    @cached_property
+    def _corners(self) -> tuple[np.ndarray, np.ndarray, Any, np.ndarray]:
+        """Used points, rows of them (n, 4), mean over tets at each, inverse edges at rest."""
+        from scipy.sparse import csr_matrix
+
+        mesh = self.mesh
+        used, near = np.unique(mesh.tets[self.tet], return_inverse=True)
+        rows, tets = mesh.tets.ravel(), np.repeat(np.arange(len(mesh.tets)), 4)
+        mean = csr_matrix((mesh.volumes[tets], (rows, tets)), (len(mesh.points), len(mesh.tets)))
+        mean = mean[used]
+        mean.data /= np.repeat(np.asarray(mean.sum(axis=1)).ravel(), np.diff(mean.indptr))
+        around = np.unique(mean.indices)
+        corners = mesh.points[mesh.tets[around]]
+        inverse = np.linalg.inv((corners[:, 1:] - corners[:, :1]).transpose(0, 2, 1))
+        return used, near.reshape(-1, 4), (mean[:, around], mesh.tets[around]), inverse
+
+    def carried(self, displacement: Float[np.ndarray, "points 3"]) -> Carried:
+        """The points when the mesh points are moved by ``displacement`` [m]."""
+        used, near, (mean, tets), inverse = self._corners
+        corners = (self.mesh.points + displacement)[tets]
+        F = (corners[:, 1:] - corners[:, :1]).transpose(0, 2, 1) @ inverse
+        F = (mean @ F.reshape(-1, 9)).reshape(-1, 3, 3)
+        u = displacement[used][near] + np.einsum("nkij,nkj->nki", (F - np.eye(3))[near], self.arms)
+        x = self.rest + np.einsum("nk,nki->ni", self.weights, u)
+        sources, clamped = bounded(F)
+        none = np.zeros(len(x), dtype=bool)
+        return Carried(x, sources, near, self.weights, none, clamped)
 
 
 def embed(mesh: TetMesh, positions: Float[np.ndarray, "n 3"]) -> Embedding:
@@ -260,16 +341,18 @@ def embed(mesh: TetMesh, positions: Float[np.ndarray, "n 3"]) -> Embedding:
     import igl
 
     tet, away = containing_tets(mesh, positions), np.zeros(len(positions))
-    outside = tet < 0
+    outside, inner = tet < 0, np.array(positions, dtype=np.float64)
     if outside.any():  # the tet behind the nearest boundary face
         where, faces = np.ascontiguousarray(positions[outside]), mesh.boundary.faces
-        squared, face, _ = igl.point_mesh_squared_distance(
+        squared, face, nearest = igl.point_mesh_squared_distance(
             where, mesh.points, faces.astype(np.int64)
         )
         tet[outside], away[outside] = mesh.boundary.tet[np.asarray(face)], np.sqrt(squared)
+        inner[outside] = nearest
         outside[outside] = away[outside] > ON_FACE * np.ptp(mesh.bounds, axis=0).max()
     corners = mesh.points[mesh.tets[tet]]
     edges = (corners[:, 1:] - corners[:, :1]).transpose(0, 2, 1)
-    three = np.linalg.solve(edges, (positions - corners[:, 0])[:, :, None])[:, :, 0]
+    three = np.linalg.solve(edges, (inner - corners[:, 0])[:, :, None])[:, :, 0]
     weights = np.column_stack([1 - three.sum(axis=1), three])
-    return Embedding(mesh, tet, weights, outside, np.where(outside, away, 0.0))
+    arms = (inner[:, None] - corners) / 2 + (positions - inner)[:, None]
+    return Embedding(mesh, positions, tet, weights, arms, outside, np.where(outside, away, 0.0))

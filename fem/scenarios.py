@@ -581,6 +581,29 @@ class Fall:
         return replace(scene, duration=FALL_FRAMES * FRAME_TIME, frames=FALL_FRAMES)
 
 
+@dataclass(frozen=True)
+class Spin:
+    """It turns freely about its shortest side, ``rate`` [1/s] turns a second at the start.
+
+    Nothing holds it and nothing pulls: its angular momentum stays, while it stretches by its speed.
+    """
+
+    title: ClassVar[str] = Note("scenarios.spin")
+    method: ClassVar[str] = "mpm"
+    with_modes: ClassVar[bool] = False
+
+    rate: float = 1.0
+
+    def scene(self, mesh: TetMesh, *, up: UpAxis = "z") -> Scene:
+        """Scene of the turning ``mesh``; ``InputError`` where the rate is not positive."""
+        checked_positive("rate", self.rate, "1/s")
+        weights = mesh.volumes * material_of(mesh).rho
+        middle = weights @ mesh.centroids / weights.sum()
+        axis = np.eye(3)[np.argmin(np.ptp(mesh.bounds, axis=0))]
+        velocity = 2 * np.pi * self.rate * np.cross(axis, mesh.points - middle)
+        return Scene(mesh=mesh, up=up, velocity=velocity, duration=2.0, frames=50)
+
+
 # Points within this fraction of the length from an end are gripped.
 GRIPPED = 0.15
 

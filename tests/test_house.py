@@ -27,7 +27,8 @@ FLOORS = {
     ),
     "toolkit": (
         "asset", "meshing", "options", "walls", "driving", "verdict", "report", "simulation",
-        "features", "segment", "pipeline", "transfer", "listing", "estimate", "batch", "cli",
+        "features", "segment", "pipeline", "film", "transfer", "listing", "estimate", "batch",
+        "cli",
     ),
     "research": (
         "row_vectors", "voxels", "on_device", "datasets", "training", "evaluation",

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -18,17 +18,22 @@ from .asset.document import Sidecar, check_folder, mesh_suffixes
 from .asset.formats import References
 
 if TYPE_CHECKING:
-    from ..converters.points.table import PointTable
+    from ..converters.embedding import Driven
+    from ..converters.points.film import Moved
 
 # A carrier of which more than this fraction lies so far outside, as a fraction of the diagonal, is
 # likely in other axes or units. Splats of the body itself lie on its surface, half of them outside.
 STRAY, FAR = 0.2, 0.05
+# Splats of a film lie within this fraction of the diagonal of the body; others float.
+BODY = 0.03
+# Frames that a camera is chosen by, and the step from one that is searched for needles to the next.
+LOOKS, WATCHED = 24, 10
 SAME = 1e-6  # of the size: a motion is of the mesh where no point at rest differs by more
 
 
 @dataclass(frozen=True)
 class DriveRecord:
-    """What was driven: ``moved`` points or splats over ``frames`` files.
+    """What was driven: ``moved`` points or splats over ``frames``, each a file where there are any.
 
     ``outside`` of them lie in no tet and follow the nearest one, at most ``farthest`` [m] away;
     ``invalid`` have no finite position and stay as they are; ``picture`` shows moving splats.
@@ -42,11 +47,117 @@ class DriveRecord:
     invalid: int
     metres_per_unit: float
     picture: Path | None = None
+    film: FilmRecord | None = None
     warnings: tuple[str, ...] = ()
 
     def document(self) -> dict[str, Any]:
         """Return what ``transfer --motion --json`` prints."""
-        return dict(self.__dict__)
+        film = self.film and {**self.film._asdict(), "files": [*map(str, self.film.files)]}
+        return {**self.__dict__, "film": film}
+
+
+class FilmRecord(NamedTuple):
+    """A film of ``frames`` frames, and what became of the splats in it.
+
+    ``drawn`` of them are seen; ``floating`` lie off the body and are not, ``left`` went with
+    particles that left the grid. ``clamped`` were bounded in their stretch in some frame;
+    ``needles`` are longer than three times their length beside their neighbours in one.
+    """
+
+    files: tuple[Path, ...]
+    frames: int
+    drawn: int
+    floating: int
+    left: int
+    clamped: int
+    needles: int
+
+
+class Actor:
+    """Splats of a film and the ``states`` that carry them, those that belong to the body alone."""
+
+    def __init__(self, driven: Driven, states: Sequence[Any] | np.ndarray) -> None:
+        from ..converters.points.film import Shown
+
+        body = driven.embedding.away <= BODY * driven.embedding.size
+        table = driven.table.only(np.flatnonzero(driven.valid)[body])
+        self.driven = driven
+        self.table, self.embedding = table, driven.embedding.only(body)
+        self.shown, self.states, self.scale = Shown(table), states, driven.scale
+        self.floating = len(driven.table) - len(table)
+        self.clamped = np.zeros(len(table), dtype=bool)
+        self.gone = np.zeros(len(table), dtype=bool)
+
+    def frame(self, number: int) -> Moved:
+        """The splats in a frame, in the unit of their file."""
+        from ..converters.points.film import Moved
+
+        now, shown = self.embedding.carried(self.states[number]), self.shown
+        if now.clamped.any():
+            self.clamped |= (now.weights * now.clamped[now.near]).sum(axis=1) > 0
+        self.gone |= now.gone
+        return Moved(
+            now.positions / self.scale,
+            now.gradients @ shown.roots,
+            np.where(now.gone, 0.0, shown.found.opacity),
+            None if shown.look.rest is None else now.rotations,
+        )
+
+
+def record(
+    path: Path,
+    actors: Sequence[Actor],
+    *,
+    up: UpAxis,
+    ground: float | None = None,
+    titles: Sequence[str] = (),
+    key: str = "",
+    progress: Callable[[int, int], None] | None = None,
+) -> FilmRecord:
+    """Write a film (.webp) of actors side by side, seen alike, and an .mp4 where that can be made.
+
+    Frames that a film of the same ``key`` has already stay: it goes on after them. ``ground`` [m]
+    is the height of what they stand on.
+    """
+    from ..converters.points import film
+
+    beside = path.with_suffix(".key")
+    if not (key and beside.is_file() and beside.read_text() == key):
+        path.unlink(missing_ok=True)
+        if key:
+            beside.write_text(key)
+
+    first, frames = actors[0], len(actors[0].states)
+    scale, some = first.scale, slice(None, None, max(1, len(first.table) // film.FEW))
+    seen = range(0, frames, max(1, frames // LOOKS))
+    places = np.concatenate([
+        [actor.embedding.only(some).carried(actor.states[i]).positions / scale for i in seen]
+        for actor in actors
+    ], axis=1)  # fmt: skip
+    cameras = film.tracked(places, first.table.only(some), up, frames)
+    low, high = np.nanquantile(places[0], film.EDGES, axis=0)
+    floor = None if ground is None else ground / scale
+    stage = film.Stage((low + high) / 2, float(np.linalg.norm(high - low)), up, floor)
+    height, width = cameras[0].size
+    out, needles = film.WebP(path, (width * len(actors), height)), 0
+    for i in range(out.frames, frames):
+        moved = [actor.frame(i) for actor in actors]
+        out.add(film.picture([a.shown for a in actors], moved, cameras[i], stage, titles))
+        if i % WATCHED == 0 or i == frames - 1:
+            pairs = zip(actors, moved, strict=True)
+            needles = max(needles, sum(int(film.needles(a.shown, m).sum()) for a, m in pairs))
+        if progress is not None:
+            progress(i + 1, frames)
+    more = film.write_mp4(path.with_suffix(".mp4"), path)
+    return FilmRecord(
+        files=(path, *([more] if more else [])),
+        frames=frames,
+        drawn=sum(len(actor.table) for actor in actors),
+        floating=sum(actor.floating for actor in actors),
+        left=sum(int(actor.gone.sum()) for actor in actors),
+        clamped=sum(int(actor.clamped.sum()) for actor in actors),
+        needles=needles,
+    )
 
 
 def drive(
@@ -58,6 +169,7 @@ def drive(
     scale: float = 1.0,
     run: ParticleRun | None = None,
     up: UpAxis = "z",
+    ground: float | None = None,
 ) -> DriveRecord:
     """Write ``carrier`` into ``folder`` once a frame, moved with ``mesh``.
 
@@ -66,54 +178,59 @@ def drive(
     carrier: Gaussian splats or points. A format that is only read is written as .ply.
     scale: Metres per unit of the carrier.
     run: Particles that moved the mesh: the carrier follows them, where the mesh tears too.
-    up: Axis that points up in the GIF of splats.
+    up, ground: Axis that points up in the film of splats, and the height [m] they stand on.
     Raises InputError: Where the carrier cannot be read, or has no points.
     """
     from ..converters.embedding import Driven
     from ..converters.files import writing_folder
     from ..converters.points.table import read_points, write_points
-    from ..converters.points.views import SplatFilm, chosen_camera, stride, thinned
     from ..converters.registry import POINT_FORMATS, format_of
-
-    def embedded(table: PointTable) -> Driven:
-        if run is None:
-            return Driven.of(table, mesh, scale=scale)
-        return Driven.by_particles(table, run, scale=scale)
 
     form, suffix, warnings = format_of(carrier, POINT_FORMATS), carrier.suffix, []
     if form.write is None:
         warnings.append(f"{form.title} ({suffix}) are read only here: the frames are .ply")
         suffix = ".ply"
-    table = read_points(carrier)
-    states = displacements if run is None else range(len(run.positions))
-    driven, film = embedded(table), None
-    if table.is_splat and isinstance(states, Sequence | np.ndarray):
-        # its camera is chosen by a few of them over the motion, where that is known
-        some = list(embedded(thinned(table)).frames(states[:: stride(len(states))]))
-        film = SplatFilm(chosen_camera(some, up), len(states))
+    table, states, film = read_points(carrier), displacements, None
+    driven = Driven.of(table, mesh, scale=scale)
+    if run is not None:
+        states = range(len(run.positions))
+        driven = Driven.by_particles(table, run, scale=scale)
     with writing_folder(folder) as scratch:
         names = []
         for i, moved in enumerate(driven.frames(states)):
             names.append(f"{carrier.stem}_{i:05d}{suffix}")
             write_points(scratch / names[-1], moved)
-            if film is not None:
-                film.show(i, moved)
-        picture = film.save(scratch / f"{carrier.stem}.gif") if film is not None else None
-    rest = mesh.points if run is None else run.positions[0]
-    room = FAR * float(np.linalg.norm(np.ptp(rest, axis=0)))
+        if driven.table.is_splat and isinstance(states, Sequence | np.ndarray):
+            actor = Actor(driven, states)
+            if len(actor.table):
+                film = record(scratch / f"{carrier.stem}.webp", [actor], up=up, ground=ground)
+                film = film._replace(files=tuple(folder / file.name for file in film.files))
+    known = driven_record(driven)
+    return replace(
+        known,
+        files=tuple(folder / name for name in names),
+        frames=len(names),
+        picture=None if film is None else film.files[0],
+        film=film,
+        warnings=(*warnings, *known.warnings),
+    )
+
+
+def driven_record(driven: Driven) -> DriveRecord:
+    """How a carrier lies in what carries it; a warning where much of it lies far outside."""
+    warnings, room = [], FAR * driven.embedding.size
     count, far = int(driven.valid.sum()), int((driven.embedding.away > room).sum())
     if far > STRAY * count:
         known = {"far": far, "count": count, "room": room, "farthest": driven.farthest}
         warnings.append(Note("driving.outside", **known))
     return DriveRecord(
-        files=tuple(folder / name for name in names),
-        frames=len(names),
+        files=(),
+        frames=0,
         moved=len(driven.table),
         outside=driven.outside,
         farthest=driven.farthest,
         invalid=int((~driven.valid).sum()),
-        metres_per_unit=scale,
-        picture=None if picture is None else folder / picture.name,
+        metres_per_unit=driven.scale,
         warnings=tuple(warnings),
     )
 

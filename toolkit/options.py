@@ -23,7 +23,7 @@ from ..fem.solve.method import SCENARIOS
 from ..predictors.encoders import ENCODERS, check_encoder
 from ..predictors.predictor import PREDICTORS
 from .asset import Unit, path_of
-from .meshing.meshers import AUTO, MESHERS, STUFFING
+from .meshing.meshers import AUTO, MESHERS, OR_PARTICLES, STUFFING
 
 # What a stage of progress begins with that says how long a run will take: it is always shown.
 EXPECTED = "expected: "
@@ -63,8 +63,9 @@ class ConvertOptions:
     """Splats below this opacity are haze, no matter; by default .1."""
     crop: str | None = None
     """Splats within this box alone, x,y,z,x,y,z in the file's units."""
-    mesher: Annotated[str, choice(MESHERS, AUTO)] = AUTO
-    """ftetwild keeps epsilon; stuffing is quick, auto for samples, large scans, time-outs."""
+    mesher: Annotated[str, choice(MESHERS, AUTO, OR_PARTICLES)] = AUTO
+    """ftetwild keeps epsilon; stuffing is quick, auto for samples, large scans, time-outs;
+    particles, cubes for --solver mpm, are what `run` takes with it where no mesh can be had."""
     edge_length_rel: float | None = None
     """Wanted edge of a tet, share of the bounding box diagonal; .05, stuffing: 50,000 tets."""
     edge_length: float | None = None
@@ -207,7 +208,7 @@ class SimulateOptions:
     """How the result is loaded and solved."""
 
     scenario: Annotated[str, choice(SCENARIOS)] = "sag"
-    """It stands, hangs, is blown at, poked, dropped, squeezed, rings, falls or is torn."""
+    """It stands, hangs, is blown at, poked, dropped, squeezed, rings, falls, spins or is torn."""
     solver: Literal["fem", "mpm", "spring", "lbs"] = "fem"
     """Finite elements; particles (MPM: flows, breaks); a spring network; a reduced body (LBS)."""
     grid: int = 64
@@ -278,12 +279,18 @@ class SimulateOptions:
     """How far the plates close, as a share of the body's width."""
     fall_height: float | None = None
     """Height of the fall [m]; by default the size of the body."""
+    spin_rate: float = 1.0
+    """Turns a second at the start [1/s]."""
     tear_share: float = 0.3
     """How far the grips part, as a share of the body's length."""
     modes: int = 6
     """Natural vibrations to find under `modal`."""
     device: Literal["cpu", "cuda"] = "cpu"
     """Where to solve."""
+    budget: float | None = None
+    """CPU seconds of a film of --drive: a coarse body and the method that fits; `film` takes 60."""
+    seconds: float = 2.0
+    """Length of that film [s]; what is over sooner is shown slower."""
     touch: tyro.conf.FlagCreatePairsOff[bool] = False
     """The page has a body to pull with mouse or finger; takes some seconds more."""
 

@@ -314,18 +314,16 @@ def band_rotations(
 
 
 def turned_harmonics(
-    harmonics: Float[np.ndarray, "n channels k"],
-    rotations: Float[np.ndarray, "r 3 3"],
-    of: np.ndarray,
+    harmonics: Float[np.ndarray, "n channels k"], rotations: Float[np.ndarray, "n 3 3"]
 ) -> Float[np.ndarray, "n channels k"]:
-    """Coefficients above the constant one, turned by the rotation ``of`` every splat (n,)."""
+    """Coefficients above the constant one, turned by the rotation of every splat."""
     result, start = np.empty_like(harmonics), 0
     for degree, width in enumerate(BANDS, 1):
         if start >= harmonics.shape[2]:
             break
         band = slice(start, start + width)
         matrices = band_rotations(degree, rotations).astype(harmonics.dtype)
-        result[:, :, band] = harmonics[:, :, band] @ matrices[of].transpose(0, 2, 1)
+        result[:, :, band] = harmonics[:, :, band] @ matrices.transpose(0, 2, 1)
         start += width
     return result
 

@@ -5,8 +5,6 @@ After Zwicker et al. 2001 and Kerbl et al. 2023, whose rasterisers want CUDA.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -15,8 +13,7 @@ from jaxtyping import Float
 from ...fem.device import start_warp
 from ...fem.errors import NoVolumeError
 from ...fem.note import Note
-from ...predictors.appearance.views import Camera, ring
-from ...predictors.asset import UpAxis
+from ...predictors.appearance.views import Camera
 from ...predictors.grid import Grid
 from ..grids import PAD, shell_surface
 from .gaussians import BANDS, COUNTS, SH_C0, Gaussians, band_values, gaussians, matrices_of
@@ -72,26 +69,39 @@ def splat_view(
     InputError
         Where the table has no splats.
     """
-    from ...fem.device import start_warp
+    found = gaussians(table)
+    roots = matrices_of(found.rotations) * found.sigmas[:, None, :]
+    colours = Look.of(table).seen(found.means - camera.position)
+    return blended(found.means, roots, found.opacity, colours, camera, background)
 
+
+def blended(
+    means: Float[np.ndarray, "n 3"],
+    roots: Float[np.ndarray, "n 3 3"],
+    opacity: Float[np.ndarray, "n"],
+    colours: Float[np.ndarray, "n 3"],
+    camera: Camera,
+    background: float | Float[np.ndarray, "height width 3"] = 1.0,
+) -> Float[np.ndarray, "height width 3"]:
+    """Picture of splats at ``means`` [m] of covariances A A^T, A the ``roots`` [m].
+
+    ``background`` is a grey, or a picture of what is behind them.
+    """
     wp = start_warp()
     from ..kernels import blend
 
-    found = gaussians(table)
-    roots = matrices_of(found.rotations) * found.sigmas[:, None, :]
-    drawn = _ellipses(found.means, roots, camera)
+    drawn = _ellipses(means, roots, camera)
     image = np.zeros((*camera.size, 4), dtype=np.float32)
     image[..., 3] = 1.0
     canvas = wp.array(image, dtype=wp.vec4, device="cpu")
     if len(drawn.rows):
-        colours = _colours(table, found.means, camera)
         given = [
             wp.array(np.ascontiguousarray(values, dtype=np.float32), dtype=kind, device="cpu")
             for values, kind in (
                 (drawn.centre, wp.vec2),
                 (drawn.conic, wp.vec3),
                 (drawn.reach, wp.vec2),
-                (found.opacity[drawn.rows], float),
+                (opacity[drawn.rows], float),
                 (colours[drawn.rows], wp.vec3),
             )
         ]
@@ -126,91 +136,36 @@ def _ellipses(
     return Ellipses(rows, seen[rows, :2], conic[:, rows].T, reach[:, rows].T)
 
 
-def _colours(
-    table: PointTable, means: Float[np.ndarray, "n 3"], camera: Camera
-) -> Float[np.ndarray, "n 3"]:
-    """Colours in [0, 1] of splats as seen from the camera; grey where the table has none."""
-    if "f_dc_0" not in table.columns:
-        return np.full((len(means), 3), 0.5)
-    base = np.stack([np.float64(table.columns[f"f_dc_{i}"]) for i in range(3)], axis=1)
-    colours = 0.5 + SH_C0 * base
-    count = sum(name.startswith("f_rest_") for name in table.columns) // 3
-    if count in COUNTS:
+class Look(NamedTuple):
+    """Colours of splats: ``base`` (n, 3), and harmonics ``rest`` (n, 3, k) above it, if any."""
+
+    base: np.ndarray
+    rest: np.ndarray | None
+
+    @classmethod
+    def of(cls, table: PointTable) -> Look:
+        """Colours of a table; grey where it has none."""
+        if "f_dc_0" not in table.columns:
+            return cls(np.full((len(table), 3), 0.5), None)
+        base = np.stack([np.float64(table.columns[f"f_dc_{i}"]) for i in range(3)], axis=1)
+        count = sum(name.startswith("f_rest_") for name in table.columns) // 3
+        if count not in COUNTS:
+            return cls(0.5 + SH_C0 * base, None)
         rest = np.stack([table.columns[f"f_rest_{i}"] for i in range(3 * count)], axis=1)
-        rest = rest.reshape(len(means), 3, count)
-        away = means - camera.position
-        away /= np.linalg.norm(away, axis=1, keepdims=True)
-        start = 0
-        for degree, width in enumerate(BANDS[: COUNTS.index(count) + 1], 1):
-            values = band_values(degree, away)
-            colours += np.einsum("nck,nk->nc", rest[:, :, start : start + width], values)
-            start += width
-    return np.clip(colours, 0.0, 1.0)
+        return cls(0.5 + SH_C0 * base, rest.reshape(len(table), 3, count))
 
-
-# A film of moving splats: one camera that holds the whole motion, from where it is seen best.
-
-# Frames of a film, its side [px], and the share of that left free on each side.
-SHOWN, PIXELS, RIM = 24, 384, 0.06
-# Splats that a camera is chosen by, cameras that are tried, and the side [px] of what they see.
-FEW, TRIED, SMALL = 8_000, 8, 96
-# Splats beyond these quantiles are strays, and may leave the picture.
-EDGES = (0.005, 0.995)
-
-
-def thinned(table: PointTable) -> PointTable:
-    """At most ``FEW`` splats of a table, evenly taken, to choose a camera by."""
-    return table.only(slice(None, None, max(1, len(table) // FEW)))
-
-
-def chosen_camera(frames: Sequence[PointTable], up: UpAxis) -> Camera:
-    """The camera around moving splats that sees them move farthest, and in contrast."""
-    places = np.stack([table.positions for table in frames])
-    places[~np.isfinite(places)] = np.nan
-    # Strays, and what has no place, are moved in
-    low, high = np.nanquantile(places, EDGES, axis=1, keepdims=True)
-    places = np.clip(np.where(np.isnan(places), low, places), low, high)
-    all_places = places.reshape(-1, 3)
-    bounds = np.stack([all_places.min(axis=0), all_places.max(axis=0)])
-    around = ring(bounds, count=TRIED, up=up, pixels=SMALL)
-    cameras = [camera.framing(all_places, rim=RIM) for camera in around]
-
-    def seen(camera: Camera) -> float:
-        pixels = camera.project(all_places)[:, :2].reshape(*places.shape[:2], 2)
-        moved = np.linalg.norm(pixels - pixels[0], axis=2).mean(axis=1).max()
-        return float(moved * splat_view(frames[0], camera).std())
-
-    return max(cameras, key=seen).resized(PIXELS, PIXELS)
-
-
-class SplatFilm:
-    """A GIF of about ``SHOWN`` of ``frames`` frames, seen by one ``camera``."""
-
-    def __init__(self, camera: Camera, frames: int) -> None:
-        self.camera = camera
-        self.stride = stride(frames)
-        self.sheets: list[Any] = []
-
-    def show(self, number: int, table: PointTable) -> None:
-        """Draw a frame, if it is one of those that are shown."""
-        from PIL import Image
-
-        if number % self.stride == 0:
-            drawn = splat_view(table, self.camera)
-            self.sheets.append(Image.fromarray((255 * drawn).round().astype(np.uint8)))
-
-    def save(self, path: Path) -> Path:
-        """Write what was shown, two seconds of it, endlessly repeated."""
-        each = round(2000 / len(self.sheets))
-        self.sheets[0].save(
-            path, "GIF", save_all=True, append_images=self.sheets[1:], duration=each, loop=0
-        )
-        return path
-
-
-def stride(frames: int) -> int:
-    """From a shown frame to the next."""
-    return -(-frames // SHOWN)
+    def seen(self, away: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
+        """Colours in [0, 1] as seen along ``away``, of any length, from the camera."""
+        colours, start = self.base, 0
+        if self.rest is not None:
+            count = self.rest.shape[2]
+            away = away / np.linalg.norm(away, axis=1, keepdims=True)
+            for degree, width in enumerate(BANDS[: COUNTS.index(count) + 1], 1):
+                values = band_values(degree, away)
+                band = self.rest[:, :, start : start + width]
+                colours = colours + np.einsum("nck,nk->nc", band, values)
+                start += width
+        return np.clip(colours, 0.0, 1.0)
 
 
 # Splats as a body: those that are matter, their summed opacity on a grid, and the closed surface
@@ -315,9 +270,9 @@ def splat_surface(
     """Closed surface [m] through the centres of splats above an opacity, its inside solid.
 
     The opacity grid of a shell of splats is a ridge. It is cut on its outer side, its inside
-    filled, and the cut moved in to where the splats lie below it: their own places, since in a
-    thin body the ridges of both sides are one. By default cells are as large as what a splat
-    covers. Vertices have the colour of the splats around.
+    filled, and the cut moved in to the splats: their own places, since in a thin body the ridges
+    of both sides are one. By default cells are as large as what a splat covers. Vertices have the
+    colour of the splats around.
     """
     from scipy.spatial import KDTree
 
@@ -331,14 +286,7 @@ def splat_surface(
     grid = Grid.around(bounds, cells=cells or _cells(splats, tree), pad=PAD)
     density = opacity_grid(splats, grid)
     here = density[tuple(grid.cell_of(splats.means).T)]
-
-    def depth(outer: trimesh.Trimesh) -> float:
-        """Median depth [m] below the outer surface at which the nearest splat lies."""
-        vertices, normals = np.asarray(outer.vertices), np.asarray(outer.vertex_normals)
-        below = vertices - splats.means[tree.query(vertices)[1]]
-        return float(np.median(np.einsum("ni,ni->n", below, normals)))
-
-    surface = shell_surface(density, grid, level=_CUT * float(np.median(here)), depth=depth)
+    surface = shell_surface(density, grid, level=_CUT * float(np.median(here)), through=tree)
     if all(f"f_dc_{i}" in table.columns for i in range(3)):
         base = np.stack([table.columns[f"f_dc_{i}"][keep] for i in range(3)], axis=1)
         ranks: Any = np.arange(1, min(_NEIGHBOURS, len(base)) + 1)  # an array keeps the shape

@@ -9,7 +9,7 @@ from enum import IntEnum
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from ..errors import InputError
 from ..mesh import TetMesh, face_areas, face_normals
@@ -21,8 +21,9 @@ from ..scene.up import up_index
 # How far held faces hold nodes inside the body [spacings]: on average over all places of a face
 # between two nodes the last held one lies 0.16 spacings inside, where bars get their length.
 DEPTH = 0.66
-# Room around the body [over its longest side] in which particles may move.
-ROOM = 0.5
+# Room around the body [over its longest side] in which particles may move: a held one, or on a grid
+# of more cells than so many; and one that flies, bounces and tips over.
+ROOM, FREE_ROOM, MOST_FREE = 0.5, 1.0, 64
 # And around a held point. A node beside a held face is held with the body next to it: with what of
 # that lies by the face, but for half a spacing.
 AROUND, BESIDE = 0.6, 0.5
@@ -115,7 +116,8 @@ def scene_room(scene: Scene, cells: int) -> BackgroundGrid:
     every axis; between two fixed faces the spacing is a little less, so that both get them there.
     """
     low, high = scene.mesh.bounds
-    spacing, side = scene.longest / cells, ROOM * float((high - low).max())
+    free = not scene.held.fixed.any() and cells <= MOST_FREE
+    spacing, side = scene.longest / cells, (FREE_ROOM if free else ROOM) * scene.longest
     held, faces = scene.held.fixed, scene.mesh.boundary.faces
     areas, normals = face_areas(scene.mesh.points, faces), face_normals(scene.mesh.points, faces)
     fixed: dict[int, list[tuple[float, float, float]]] = {}  # by axis: area, place, way out
@@ -233,12 +235,15 @@ class BackgroundGrid(NamedTuple):
         """Positions [m] of nodes by number."""
         return self.origin + self.spacing * np.stack(np.unravel_index(numbers, self.shape), axis=1)
 
+    def holds(self, x: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, "n"]:
+        """Which positions [m] have all of their 27 nodes in the grid."""
+        first = self.first_nodes(x)
+        return np.asarray(((first >= 0) & (first < np.array(self.shape) - 2)).all(axis=1))
+
     def near(self, x: Float[np.ndarray, "n 3"], *, drift: int = 1) -> Int[np.ndarray, "nodes"]:
         """Numbers of the nodes that particles reach while they drift up to ``drift`` spacings."""
         mark = np.zeros(self.shape, dtype=bool)
-        first = self.first_nodes(x)
-        room = ((first >= 0) & (first < np.array(self.shape) - 2)).all(axis=1)
-        mark.ravel()[self.flat(first[room])] = True
+        mark.ravel()[self.flat(self.first_nodes(x[self.holds(x)]))] = True
         for axis in range(3):  # mark what lies up to so many nodes further along an axis, too
             along = np.moveaxis(mark, axis, 0)
             wide, size = np.zeros_like(along), len(along)

@@ -179,7 +179,11 @@ class _Run:
         region = mesh.region[sample.tet].astype(np.int64)
         velocity = np.asarray(scene.velocity, dtype=float)
         if velocity.ndim == 2:
-            velocity = velocity[mesh.tets[sample.tet]].mean(axis=1)
+            corners, known = mesh.points[mesh.tets[sample.tet]], velocity[mesh.tets[sample.tet]]
+            edges = (corners[:, 1:] - corners[:, :1]).transpose(0, 2, 1)
+            along = np.linalg.solve(edges, (sample.x - corners[:, 0])[:, :, None])
+            change = (known[:, 1:] - known[:, :1]).transpose(0, 2, 1)
+            velocity = known[:, 0] + (change @ along)[:, :, 0]
         particles = Particles(
             x=sample.x, volume=sample.volume, E=material.E[sample.tet],
             nu=material.nu[sample.tet], rho=material.rho[sample.tet], part=region,
@@ -241,6 +245,7 @@ class _Run:
         self.load = particles.mass[:, None] * gravity + force
         self.positions: list[np.ndarray] = []
         self.gradients: list[np.ndarray] = []
+        self.left: list[np.ndarray] = []
         dt = np.inf  # nothing moves
         if self.solver is not None:
             fastest = float(np.linalg.norm(particles.velocity, axis=1).max())
@@ -275,6 +280,7 @@ class _Run:
         self.time = state.time
         self.positions.append(state.x.astype(np.float32))
         self.gradients.append(state.F.astype(np.float32))
+        self.left.append(~self.room.holds(state.x))
         gaps = [
             o.distance(state.x - state.time * np.asarray(o.velocity, dtype=float)).gap.min()
             for o in obstacles
@@ -326,7 +332,8 @@ class _Run:
         """What is kept of the particles themselves."""
         solver, treatment, notes = self.solver, self.treatment, self.notes
         particles = treatment.particles
-        outside = solver.outside if solver is not None else 0
+        left = np.logical_or.accumulate(self.left)
+        outside = int(left[-1].sum())
         if outside:
             notes = (*notes, Note("method.particles_left", outside=outside))
         return ParticleRun(
@@ -346,4 +353,5 @@ class _Run:
             part=particles.part,
             positions=np.stack(self.positions),
             gradients=np.stack(self.gradients),
+            left=left,
         )

@@ -435,16 +435,15 @@ class Followers:
         weights /= weights.sum(axis=1, keepdims=True)
         return cls(near, weights, points[:, None] - rest[near])
 
-    def positions(self, state: ParticleState) -> Float[np.ndarray, "n 3"]:
-        """Positions [m] of the points."""
+    def positions(
+        self, state: ParticleState, weights: Float[np.ndarray, "n k"] | None = None
+    ) -> Float[np.ndarray, "n 3"]:
+        """Positions [m] of the points, by ``weights`` that are known already, else by their own."""
         moved = state.x[self.near] + np.einsum("nkij,nkj->nki", state.F[self.near], self.arms)
-        return np.einsum("nk,nki->ni", self._weights_now(state), moved)
+        weights = self.weights_in(state) if weights is None else weights
+        return np.einsum("nk,nki->ni", weights, moved)
 
-    def gradients(self, state: ParticleState) -> Float[np.ndarray, "n 3 3"]:
-        """Deformation gradient at every point."""
-        return np.einsum("nk,nkij->nij", self._weights_now(state), state.F[self.near])
-
-    def _weights_now(self, state: ParticleState) -> Float[np.ndarray, "n k"]:
+    def weights_in(self, state: ParticleState) -> Float[np.ndarray, "n k"]:
         """Weights that fade as a particle comes off the nearest one by as much as it was away.
 
         What comes off is what the mean of both gradients does not tell: the opening of a crack.

@@ -13,7 +13,9 @@ from ..mesh import TetMesh, material_of
 from .loads import Traction
 from .obstacles import Obstacle, Plane
 from .supports import Supports
-from .up import UpAxis, up_index
+from .up import UpAxis, up_index, up_vector
+
+LEVEL = 0.99  # cosine from the up axis of what is ground
 
 
 class Hold(NamedTuple):
@@ -109,6 +111,15 @@ class Scene:
     def longest(self) -> float:
         """Longest side of the body's bounding box [m]."""
         return float(np.ptp(self.mesh.bounds, axis=0).max())
+
+    @property
+    def floor(self) -> float | None:
+        """Height [m] along the up axis of what the body stands on or falls to; None: nothing."""
+        up = up_vector(self.up)
+        planes = [o for o in (self.ground, *self.obstacles) if isinstance(o, Plane)]
+        ways = [up @ o.normal / np.linalg.norm(o.normal) for o in planes]
+        heights = [float(up @ o.point) for o, way in zip(planes, ways, strict=True) if way > LEVEL]
+        return max(heights, default=None)
 
     def similar(self, scale: float) -> Scene:
         """Scene whose motion is ``scale`` times that of a body 1 / ``scale`` times as large.

@@ -97,6 +97,7 @@ SCENARIOS: Registry[type[Scenario]] = Registry(
         "squeeze": ".scenarios:Squeeze",
         "fall": ".scenarios:Fall",
         "tear": ".scenarios:Tear",
+        "spin": ".scenarios:Spin",
         "modal": ".scenarios:Vibration",
     },
 )

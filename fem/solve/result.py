@@ -486,6 +486,7 @@ class ParticleRun:
     part: Region of every particle, shape (n,).
     positions, gradients: Places [m] and deformation gradients in every frame, (frames, n, 3) and
         (frames, n, 3, 3).
+    left: Particles that have left the grid until every frame, shape (frames, n).
     """
 
     spacing: float
@@ -504,6 +505,7 @@ class ParticleRun:
     part: Int[np.ndarray, "n"]
     positions: Float[np.ndarray, "frames n 3"]
     gradients: Float[np.ndarray, "frames n 3 3"]
+    left: Bool[np.ndarray, "frames n"]
 
 
 # Beyond this share a reduced motion is not that of the full body.

@@ -2,7 +2,8 @@
 
 import numpy as np
 import pytest
-from autophyx_tet.converters.embedding import Driven, embed
+from autophyx_tet.converters.embedding import STRETCH, Carried, Driven, embed
+from autophyx_tet.converters.points.film import Moved, Shown, needles
 from autophyx_tet.converters.points.gaussians import (
     BANDS,
     band_rotations,
@@ -140,7 +141,7 @@ def test_every_point_finds_its_tet_and_others_the_nearest():
     inside = ((x > 0) & (x < 1)).all(axis=1)
     np.testing.assert_array_equal(found.outside, ~inside)
     assert found.weights[inside].min() > -1e-8
-    np.testing.assert_allclose(found.positions(np.zeros_like(mesh.points)), x, atol=1e-12)
+    np.testing.assert_allclose(found.carried(np.zeros_like(mesh.points)).positions, x, atol=1e-12)
     away = np.linalg.norm(np.maximum(np.maximum(-x, x - 1), 0), axis=1)
     assert found.away.max() == pytest.approx(away.max(), rel=1e-9)
 
@@ -157,3 +158,51 @@ def test_normals_follow_and_points_without_a_place_stay():
     np.testing.assert_allclose(found, wanted / np.linalg.norm(wanted), atol=1e-12)
     assert np.isnan(frame.columns["x"][1])
     assert frame.columns["nx"][1] == 1.0
+
+
+def test_a_coarse_mesh_carries_a_bend_smoothly():
+    """u quadratic in x: every point has it, to what corners' means of G miss at the faces.
+
+    Two tets along a side: linear elements would be off by (h/2)^2 / 2 = .031 of the curvature; the
+    mean gradient of a corner on a face is off by h / 2 along it. In the interior it is exact.
+    """
+    mesh = box_mesh((1.0, 1.0, 1.0), (6, 6, 6))
+    H = np.array([[0.2, 0.1, 0.0], [0.1, -0.1, 0.05], [0.0, 0.05, 0.3]])
+    bend = lambda x: 0.5 * np.einsum("ni,ij,nj->n", x, H, x)[:, None] * [1.0, 0.5, -0.3]  # noqa: E731
+    x = np.random.default_rng(0).uniform(0.35, 0.65, (500, 3))
+    now = embed(mesh, x).carried(bend(mesh.points))
+    # Corners' means over tets that lie evenly around are exact; Kuhn's tets around one do
+    np.testing.assert_allclose(now.positions, x + bend(x), atol=1e-12)
+    G = np.einsum("a,nj->naj", [1.0, 0.5, -0.3], x @ H)
+    np.testing.assert_allclose(now.gradients, np.eye(3) + G, atol=1e-12)
+
+
+def test_no_splat_becomes_a_needle():
+    """Where a corner is torn off by ten edges; by the gradients of the tets there are some."""
+    mesh = box_mesh((1.0, 1.0, 1.0), (6, 6, 6))
+    u = np.zeros_like(mesh.points)
+    u[np.linalg.norm(mesh.points - 0.5, axis=1).argmin()] = [1.6, 0.0, 0.0]
+    table = splats()
+    found, shown = embed(mesh, table.positions), Shown(table)
+    now = found.carried(u)
+    assert now.clamped.any()
+    assert np.linalg.svd(now.gradients)[1].max() <= STRETCH * (1 + 1e-9)
+    moved = Moved(now.positions, now.gradients @ shown.roots, shown.found.opacity)
+    assert not needles(shown, moved).any()
+    corners = (mesh.points + u)[mesh.tets[found.tet]], mesh.points[mesh.tets[found.tet]]
+    now, rest = ((c[:, 1:] - c[:, :1]).transpose(0, 2, 1) for c in corners)
+    rough = moved._replace(roots=now @ np.linalg.inv(rest) @ shown.roots)
+    assert needles(shown, rough).sum() > 3
+
+
+def test_the_mean_of_rotations_is_one():
+    """Corners turned by up to a right angle about one axis: orthogonal to 1e-3, proper."""
+    turns = np.stack([random_rotation(seed) for seed in range(3)])
+    half = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
+    sources = np.concatenate([turns, turns @ half])
+    near, weights = np.array([[0, 3], [1, 4], [2, 2]]), np.array([[0.5, 0.5], [0.9, 0.1], [1, 0]])
+    none = np.zeros(3, bool)
+    R = Carried(np.zeros((3, 3)), sources, near, weights, none, np.zeros(6, bool)).rotations
+    np.testing.assert_allclose(R @ R.transpose(0, 2, 1), np.tile(np.eye(3), (3, 1, 1)), atol=1e-3)
+    np.testing.assert_allclose(R[2], turns[2], atol=1e-9)
+    assert (np.linalg.det(R) > 0).all()

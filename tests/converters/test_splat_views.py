@@ -2,10 +2,12 @@
 
 import numpy as np
 import pytest
+from autophyx_tet.converters.points.film import Shown, Stage, WebP, tracked
 from autophyx_tet.converters.points.gaussians import SH_C0, standard_columns
 from autophyx_tet.converters.points.table import PointTable
-from autophyx_tet.converters.points.views import chosen_camera, splat_view
+from autophyx_tet.converters.points.views import splat_view
 from autophyx_tet.predictors.appearance.views import look_at
+from PIL import Image
 
 pytestmark = pytest.mark.slow  # the kernel is compiled once
 EYE = look_at(np.array([0.0, -5.0, 0.0]), np.zeros(3), pixels=64)
@@ -61,12 +63,67 @@ def test_splats_behind_the_camera_or_lost_are_left_out():
 
 
 def test_the_camera_of_a_film_sees_the_motion():
-    """What moves along x is seen from y; all of its places are in the picture."""
+    """What moves along x is seen from y; all of its places are in the picture, and fill it."""
     base = splats([[0.0, 0, 0], [0, 0, 1]], np.full((2, 3), 0.05), [[1.0, 0, 0], [0, 0, 1]])
-    frames = [base.with_columns({"x": base.columns["x"] + t}) for t in (0.0, 0.5, 1.0)]
-    camera = chosen_camera(frames, "z")
-    away = camera.position - np.array([0.5, 0.0, 0.5])
+    way = np.linspace(0, 1, 3)[:, None, None] * [1.0, 0, 0]
+    places = base.positions + way
+    cameras = tracked(places, base, "z", 5)
+    away = cameras[0].position - np.array([0.5, 0.0, 0.5])
     assert abs(away[1]) > 2 * abs(away[0])
-    places = np.concatenate([frame.positions for frame in frames])
-    seen = camera.project(places)[:, :2] / np.array(camera.size)
+    seen = np.stack([cameras[2 * i].project(places[i])[:, :2] / 512 for i in range(3)])
     assert (np.abs(seen - 0.5) < 0.5).all()
+    assert np.ptp(seen.reshape(-1, 2), axis=0).max() > 0.7
+
+
+def test_a_frame_follows_what_travels():
+    """A ball that falls by ten of its sizes is as large as one that stands, in every frame."""
+    rng = np.random.default_rng(0)
+    base = splats(rng.normal(size=(500, 3)) * 0.1, np.full((500, 3), 0.02), np.full((500, 3), 0.3))
+    fall = np.linspace(0, 1, 30)[:, None, None] ** 2 * [0, 0, -6.0]
+    places = base.positions + fall
+    for i, camera in enumerate(tracked(places, base, "z", 30)):
+        pixels = camera.project(places[i])[:, :2]
+        assert np.ptp(np.quantile(pixels, [0.01, 0.99], axis=0), axis=0).max() > 0.3 * 512
+        assert (np.abs(np.median(pixels, axis=0) / 512 - 0.5) < 0.5).all()
+
+
+def test_a_film_is_whole_after_every_frame_and_goes_on(tmp_path):
+    """Frames come back in their colours; what was cut off amid a frame is as it was before it."""
+    path = tmp_path / "film.webp"
+    colours = [(200, 30, 30), (30, 200, 30), (30, 30, 200), (200, 200, 30)]
+    film = WebP(path, (64, 48))
+    for i, colour in enumerate(colours[:3], 1):
+        film.add(Image.new("RGB", (64, 48), colour))
+        with Image.open(path) as seen:
+            assert (seen.n_frames, seen.size) == (i, (64, 48))
+    whole = path.read_bytes()
+    path.write_bytes(whole + b"ANMF\xff\xff\0\0 half of a frame")  # stopped while it was written
+    with Image.open(path) as seen:
+        assert seen.n_frames == 3
+    again = WebP(path, (64, 48))
+    assert again.frames == 3
+    assert path.read_bytes() == whole
+    again.add(Image.new("RGB", (64, 48), colours[3]))
+    with Image.open(path) as seen:
+        for i, colour in enumerate(colours):
+            seen.seek(i)
+            shown = np.asarray(seen.convert("RGB")).astype(int)
+            assert np.abs(shown - colour).max() < 12  # it is lossy
+    assert WebP(path, (32, 32)).frames == 0  # another film begins anew
+
+
+def test_a_shadow_lies_where_the_sun_puts_it():
+    """A ball above the ground darkens it at the foot of its ray, and nothing else."""
+    n = 4000
+    ball = splats(np.random.default_rng(0).normal(size=(n, 3)) * 0.05 + [0, 0, 0.5],
+                  np.full((n, 3), 0.02), np.full((n, 3), 0.5))  # fmt: skip
+    shown = Shown(ball)
+    stage = Stage(np.array([0, 0, 0.5]), 1.0, "z", 0.0)
+    camera = look_at(np.array([0.01, -4.0, 3.0]), np.zeros(3), pixels=256)
+    lit = stage.behind(camera, shown.rest()._replace(opacity=np.zeros(n)))
+    dark = (lit - stage.behind(camera, shown.rest())).sum(axis=2)
+    foot = np.array([0, 0, 0.5]) - 0.5 * stage.sun / stage.sun[2]
+    y, x = np.unravel_index(dark.argmax(), dark.shape)
+    assert np.linalg.norm(camera.project(foot[None])[0, :2] - [x + 0.5, y + 0.5]) < 10
+    assert dark.max() > 0.3
+    assert dark.min() > -1e-9

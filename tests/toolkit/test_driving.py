@@ -4,11 +4,14 @@ import json
 
 import numpy as np
 import pytest
+from autophyx_tet.converters.embedding import Driven, ParticleNeighbours
 from autophyx_tet.converters.mesh.meshdata import write_mesh
+from autophyx_tet.converters.points.gaussians import gaussians
 from autophyx_tet.converters.points.table import PointTable, read_points, write_points
 from autophyx_tet.fem.errors import InputError, UsageError
+from autophyx_tet.fem.solve.result import Breakage, ParticleRun
 from autophyx_tet.toolkit.cli.main import main
-from autophyx_tet.toolkit.driving import drive, transfer_motion
+from autophyx_tet.toolkit.driving import Actor, drive, transfer_motion
 from autophyx_tet.toolkit.pipeline import simulate
 
 from ..converters.test_driving import splats
@@ -92,3 +95,28 @@ def test_what_cannot_be_driven_is_one_line(scene, tmp_path):
         )
     assert not (tmp_path / "x").exists()
     assert not (tmp_path / "y").exists()
+
+
+def test_what_leaves_the_grid_leaves_the_picture():
+    """Splats of particles that left are clear in the file, not drawn, and counted."""
+    grid = np.stack(np.meshgrid(*3 * [np.arange(5) * 0.1]), axis=-1).reshape(-1, 3)
+    left = np.stack([np.zeros(125, bool), grid[:, 0] > 0.25])
+    F = np.tile(np.eye(3, dtype=np.float32), (2, 125, 1, 1))
+    nothing = Breakage(0.0, 0.0, (), (np.nan,) * 3, 1, 1, 1.0)
+    run = ParticleRun(
+        spacing=0.2, nodes=(9, 9, 9), substeps=1, plan="", outside=50, stationary=0, rigid=0,
+        bodies=0, capped=0, lagrangian=False, notes=(), laws=(), breakage=nothing,
+        part=np.zeros(125, int), positions=np.stack([grid, grid]).astype(np.float32),
+        gradients=F, left=left,
+    )  # fmt: skip
+    table = splats(hi=0.4)
+    driven = Driven(table, ParticleNeighbours.of(run, table.positions), np.ones(400, bool), 1.0)
+    gone = table.positions[:, 0] > 0.26
+    start, end = (gaussians(frame).opacity for frame in driven.frames(range(2)))
+    np.testing.assert_array_equal(start, gaussians(table).opacity)
+    assert (end[gone] < 1e-30).all()
+    stays = table.positions[:, 0] < 0.24
+    np.testing.assert_array_equal(end[stays], start[stays])
+    actor = Actor(driven, range(2))
+    assert (actor.frame(1).opacity[gone] == 0).all()
+    assert gone.sum() <= actor.gone.sum() <= (~stays).sum()

@@ -209,6 +209,42 @@ class RunCommand:
 
 
 @dataclass(frozen=True)
+class FilmCommand:
+    """Make a film of Gaussian splats that move as what a sentence says they are made of.
+
+    Example: autophyx-tet film plant.ply --text "rubber" --text "oak" --scenario wind -o out/film
+    """
+
+    asset: tyro.conf.Positional[Annotated[Path, tyro.conf.arg(metavar="SPLATS")]]
+    """Gaussian splats: .ply, .splat, .spz."""
+    output: Output
+    """Folder for film.webp, film.mp4 and film.json; the same command goes on where it stopped."""
+    text: Annotated[tuple[str, ...], Repeated] = ()
+    """What it is made of; repeat it to see two sentences side by side."""
+    convert: Meshing = field(default_factory=ConvertOptions)
+    assign: Materials = field(default_factory=AssignOptions)
+    simulate: Solving = field(default_factory=SimulateOptions)
+    common: Flat[Common] = field(default_factory=Common)
+
+    shown = staticmethod(terminal.film)
+
+    def __call__(self) -> dict[str, Any]:
+        """Run the command and return its document."""
+        from ..film import film
+
+        with terminal.progress(quiet=self.common.quiet) as tell:
+            return film(
+                self.asset,
+                self.text or ("",),
+                output=self.output,
+                convert_options=self.convert,
+                assign_options=self.assign,
+                simulate_options=self.simulate,
+                progress=tell,
+            ).document()
+
+
+@dataclass(frozen=True)
 class ReduceCommand:
     """Reduce a body to a few coordinates, as the scenario holds and loads it, and measure that.
 

@@ -43,6 +43,7 @@ COMMANDS: Registry[Any] = Registry(
         "reduce": "toolkit.cli.commands:ReduceCommand",
         "match": "toolkit.cli.commands:MatchCommand",
         "run": "toolkit.cli.commands:RunCommand",
+        "film": "toolkit.cli.commands:FilmCommand",
         "transfer": "toolkit.cli.commands:TransferCommand",
         "export": "toolkit.cli.commands:ExportCommand",
         "features": "toolkit.cli.commands:FeaturesCommand",

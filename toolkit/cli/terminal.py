@@ -136,6 +136,22 @@ def run(document: Document) -> Shown:
         yield from _verdicts(case)
 
 
+def film(document: Document) -> Shown:
+    """What is seen in a film, what it cost, and the verdicts of its motions."""
+    from rich.text import Text
+
+    made = document["film"]
+    yield (
+        f"{made['drawn']:,} splats in {made['frames']} frames, {made['floating']:,} float off the "
+        f"body and are left out; {made['left']:,} left the grid, {made['needles']} needles; "
+        f"foretold {document['foretold']:.0f} CPU s, {document['spent']:.0f} spent"
+    )
+    for case in document["cases"]:
+        if len(document["cases"]) > 1:
+            yield Text(f"\n{case['text']!r}", style="bold")
+        yield from _verdicts(case)
+
+
 def reduction(document: Document) -> Shown:
     """A reduced body in a line."""
     yield document["reduced"]["summary"]

@@ -17,7 +17,13 @@ from ...fem.errors import ConvergenceError, InputError, UsageError
 from ...fem.grain import Grained, grained_parts, parts_of_grain, with_grains
 from ...fem.identify import MotionFit
 from ...fem.mesh import TetMesh, join_meshes, material_of
-from ...fem.mpm.materials import MaterialClass, Substance, class_of, triaxial_friction
+from ...fem.mpm.materials import (
+    MaterialClass,
+    Substance,
+    class_of,
+    triaxial_angle,
+    triaxial_friction,
+)
 from ...fem.note import Note
 from ...fem.scene.conditions import (
     KINDS,
@@ -37,6 +43,7 @@ from ...predictors.asset import UpAxis
 from ..asset.document import BodyRecord, read_known
 from ..options import EXPECTED, SimulateOptions, with_given
 from ..verdict.simulation import ModalSimulation, MotionSimulation, Simulation, StaticSimulation
+from .budget import Plan, paced, planned
 
 if TYPE_CHECKING:
     from ...fem.mpm.method import MpmMethod
@@ -100,6 +107,8 @@ def run_scenario(
         known = {"scenario": options.scenario, "laws": ", ".join(method.laws), "law": options.law}
         raise UsageError("scenario.laws", **known)
     scene = scene_of_options(mesh, options, up=up, materials=rows)
+    if options.budget is not None:
+        scene = paced(scene, options)
     if options.refine is not None:
         scene = _refined(scene, options, kind)
     result = method.solve(
@@ -141,6 +150,28 @@ def _refined(scene: Scene, options: SimulateOptions, kind: str) -> Scene:
     else:
         note = Note("scenario.refined", **values)
     return replace(refined.scene, warnings=(*scene.warnings, note))
+
+
+def film_plan(
+    mesh: TetMesh,
+    options: SimulateOptions,
+    *,
+    splats: int,
+    up: UpAxis,
+    materials: Mapping[str, str] | None = None,
+    classes: Mapping[str, str] | None = None,
+) -> Plan:
+    """What drives a film of ``splats`` splats within ``options.budget``, and what it will take."""
+    if not float(options.budget or 0) > 0 or not 0.1 <= options.seconds <= 60:
+        raise UsageError("budget.range", budget=options.budget, seconds=options.seconds)
+    scenario = _scenario(options, conditions_of_options(options).gravity)
+    method = method_name(options, scenario)
+    scene = scene_of_options(mesh, options, up=up, materials=materials)
+    said = substances(options.matter, materials)
+    left = {part: row for part, row in (materials or {}).items() if part not in said}
+    flowing = {**flowing_substances(left, classes or {})[0], **said}
+    known = {"splats": splats, "flows": bool(flowing)}
+    return planned(paced(scene, options), options, method=method, **known)
 
 
 def standing_modes(scene: Scene, result: SagResult, device: str) -> dict[str, Any]:
@@ -382,6 +413,12 @@ def particle_method(
     said = substances(options.matter, materials)
     left = {part: row for part, row in materials.items() if part not in said}
     flowing, notes = flowing_substances(left, classes or {})
+    # A slope is easily taken for the angle or its tangent: .6 is steeper than sand ever is
+    steep = {part: one.friction for part, one in said.items() if one.kind is MaterialClass.SAND}
+    notes += tuple(
+        Note("scenario.slope", part=part, slope=slope, angle=np.rad2deg(triaxial_angle(slope)))
+        for part, slope in steep.items()
+    )
     return replace(
         PRESETS[options.preset] if options.preset else own,
         substances=flowing | said,

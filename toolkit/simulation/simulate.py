@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import json
+import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -21,11 +22,15 @@ from ...predictors.asset import UpAxis
 from ...predictors.field import MaterialField
 from ..asset import path_of
 from ..asset.document import BodyRecord, check_file, check_folder, read_known
-from ..driving import checked_scale
+from ..driving import Actor, DriveRecord, checked_scale, driven_record, record
 from ..driving import drive as move_carrier
-from ..options import SimulateOptions, command_line
+from ..options import EXPECTED, SimulateOptions, command_line
 from ..verdict.simulation import Simulation
-from .scenario import changed_options, run_scenario
+from .budget import coarsened, shown_states
+from .scenario import changed_options, film_plan, frames_told, run_scenario
+
+if TYPE_CHECKING:
+    from ...converters.points.table import PointTable
 
 
 def simulate(
@@ -109,7 +114,7 @@ def simulate(
             cells = PRESETS[options.preset].grid
         body = _voxel_body(source, cells=cells, scale=drive_scale or 1.0)
     if body is not None:
-        if options.solver != "mpm" and SCENARIOS[options.scenario].method != "mpm":
+        if not takes_particles(options):
             raise UsageError("simulate.no_mesh", source=source)
         if output is not None and not output.suffix:
             drive = drive or body.carrier
@@ -145,7 +150,14 @@ def simulate(
         record = record.of_other_materials(materials)
     elif body is not None and not record.materials:
         record = replace(record, materials=body.materials)
+    if record.particles and not takes_particles(options):
+        raise UsageError("simulate.particles", source=source, why=record.differences[0])
     known = {"up": sidecar.up, "materials": record.materials, "classes": record.classes}
+    if options.budget is not None:
+        if drive is None and output is not None:
+            raise UsageError("budget.no_carrier")
+    if options.budget is not None and drive is not None:
+        mesh, options = _within_budget(mesh, options, drive, known, progress)
     with _logged(output):
         result = run_scenario(mesh, options, **known, progress=progress)
     if body is not None:
@@ -164,11 +176,15 @@ def simulate(
     if drive is not None and output is not None:
         output.parent.mkdir(parents=True, exist_ok=True)
         place = {"folder": output.parent, "scale": scale, "up": sidecar.up}
+        place["ground"] = result.scene.floor
         moved = result.animation.displacement
-        driven = move_carrier(result.mesh, moved, drive, run=result.particles, **place)
+        if options.budget is None:
+            driven = move_carrier(result.mesh, moved, drive, run=result.particles, **place)
+        else:
+            driven = _film(result, options, drive, **place, progress=progress)
         result = replace(result, driven=driven)
         files += driven.files
-    if output is not None:
+    if output is not None and options.budget is None:
         files[:0] = result.write(output)
     if report is not None:
         from ..report.html import write_report
@@ -181,6 +197,63 @@ def simulate(
 
         files.append(write_picture(picture, result, up=sidecar.up))
     return replace(result, files=tuple(files))
+
+
+def takes_particles(options: SimulateOptions) -> bool:
+    """Whether what solves the scenario are particles, which need no mesh."""
+    return "mpm" in (options.solver, SCENARIOS[options.scenario].method)
+
+
+def _within_budget(
+    mesh: TetMesh,
+    options: SimulateOptions,
+    drive: Path,
+    known: dict[str, Any],
+    progress: Callable[[str, float], None] | None,
+) -> tuple[TetMesh, SimulateOptions]:
+    """A coarse body and the options of what drives it, told with what it will take."""
+    from ...converters.points.table import read_points
+
+    mesh = coarsened(mesh)
+    plan = film_plan(mesh, options, splats=len(read_points(drive)), **known)
+    if progress is not None:
+        progress(EXPECTED + plan.words, 0.0)
+    return mesh, plan.options
+
+
+def actor_of(
+    table: PointTable, result: Simulation, options: SimulateOptions, *, scale: float
+) -> Actor:
+    """Splats that a motion within a budget carries, over the frames of its film."""
+    from ...converters.embedding import Driven
+
+    run, states = result.particles, result.animation.displacement
+    if run is None:
+        return Actor(Driven.of(table, result.mesh, scale=scale), shown_states(states, options))
+    frames = shown_states(range(len(run.positions)), options)
+    return Actor(Driven.by_particles(table, run, scale=scale), frames)
+
+
+def _film(
+    result: Simulation,
+    options: SimulateOptions,
+    carrier: Path,
+    *,
+    folder: Path,
+    scale: float,
+    up: UpAxis,
+    ground: float | None,
+    progress: Callable[[str, float], None] | None = None,
+) -> DriveRecord:
+    """The film ``folder``/film.webp of a motion within a budget, written frame by frame."""
+    from ...converters.points.table import read_points
+
+    actor = actor_of(read_points(carrier), result, options, scale=scale)
+    key = f"{options} {result.mesh} {carrier.name} {carrier.stat().st_size}"
+    told = frames_told("film", progress, time.perf_counter())
+    film = record(folder / "film.webp", [actor], up=up, ground=ground, key=key, progress=told)
+    known = driven_record(actor.driven)
+    return replace(known, frames=film.frames, picture=film.files[0], film=film)
 
 
 class VoxelBody(NamedTuple):

@@ -1,0 +1,285 @@
+"""Films of Gaussian splats by the command, and those of AutoPhyX's figure 5.
+
+    python benchmarks/splat_films.py [NAME ...]   measures, and writes docs/data/splat_films.json
+    python benchmarks/splat_films.py --gallery    `make gallery`: docs/gallery/splats/*.webp too
+
+Captures are splats on the surface of models that are made here, lit and in colour. Each film is the
+one command that its row shows, `autophyx-tet film`: 60 frames of 512 px. A row tells its CPU
+seconds, those foretold, needles (splats longer than 3 times their rest beside their neighbours, in
+every frame), frozen dots (drawn splats that stand where all around them move) and the verdicts.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import resource
+import shlex
+import subprocess
+import sys
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+import igl
+import numpy as np
+import trimesh
+from autophyx_tet.converters.points.film import needles
+from autophyx_tet.converters.points.table import read_points, write_points
+from autophyx_tet.predictors.asset import Asset, Part
+from autophyx_tet.toolkit.film import kept_motion
+from driven_picture import splats
+from PIL import Image
+from scipy.spatial import KDTree
+
+DOCS = Path(__file__).resolve().parent.parent / "docs"
+SHOWN = 340  # px of a film in the gallery
+STILL, GOES, TRAVELS = 0.02, 8, 0.005  # a frozen dot against its neighbours, their number, and size
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A model, how many splats it has, and what the command is told of it."""
+
+    model: str
+    count: int
+    options: str
+
+    def words(self, capture: Path, output: Path) -> list[str]:
+        """The command without the program."""
+        return ["film", str(capture), "-o", str(output), *shlex.split(self.options)]
+
+
+PLANT = '--size 0.6 --up z --scenario wind --wind-speed 7 --fix "plane:z<0.16"'
+PROPELLER = "--size 0.3 --up z --scenario spin"
+TOAST = "--size 0.12 --up z --fall-height 0.3 --scenario fall"
+BEAR = "--size 0.25 --up z --scenario drop --drop-height 0.2"
+SCENES = {
+    "propeller_rigid": Scene("propeller", 60_000, f'{PROPELLER} --text "ABS"'),
+    "propeller_elastic": Scene("propeller", 60_000, f'{PROPELLER} --text "silicone Shore 00-30"'),
+    "ficus_stiff": Scene("plant", 150_000, f'{PLANT} --text "stiff rubber"'),
+    "ficus_flexible": Scene("plant", 150_000, f'{PLANT} --text "soft rubber"'),
+    "toast_whole": Scene("toast", 60_000, f'{TOAST} --text "a slice of bread"'),
+    "toast_broken": Scene(
+        "toast", 60_000, f'{TOAST} --text "a slice of bread" '
+        "--matter toast=brittle,tension=1500,fracture_energy=0.5",
+    ),
+    "soft_body_stiff": Scene("bear", 90_000, f'{BEAR} --text "silicone Shore A30"'),
+    "soft_body_large": Scene("bear", 90_000, f'{BEAR} --text "silicone Shore 00-30"'),
+}  # fmt: skip
+MEASURED = ("ficus_flexible", "toast_broken", "soft_body_large")
+
+
+def painted(mesh: trimesh.Trimesh, colour: tuple[int, int, int], name: str) -> Part:
+    mesh.visual.vertex_colors = np.tile([*colour, 255], (len(mesh.vertices), 1)).astype(np.uint8)
+    return Part(name, mesh)
+
+
+def plant() -> list[Part]:
+    """A pot, a bent trunk with branches, and some forty leaves."""
+    rng = np.random.default_rng(1)
+    outline = [(0, 0), (0.09, 0), (0.12, 0.13), (0.135, 0.135), (0.135, 0.16), (0, 0.15)]
+    pot = trimesh.creation.revolve(outline, sections=64)
+    parts = [painted(pot, (166, 92, 60), "pot")]
+    at = np.array([0, 0, 0.12])
+    joints = [at]
+    for k in range(6):
+        at = at + np.array([0.02 * np.sin(1.3 * k), 0.018 * np.cos(1.7 * k), 0.06])
+        joints.append(at)
+    stems = list(zip(joints[:-1], joints[1:], np.linspace(0.022, 0.015, 6), strict=True))
+    leaves = []
+    for k in range(11):
+        start = joints[2 + k % 5]
+        turn = 2.4 * k
+        way = np.array([np.cos(turn), np.sin(turn), 0.55 + 0.3 * rng.random()])
+        end = start + way / np.linalg.norm(way) * (0.1 + 0.05 * rng.random())
+        stems.append((start, end, 0.012))
+        leaves += [(end + rng.normal(size=3) * 0.012, rng) for _ in range(4)]
+    for k, (a, b, radius) in enumerate(stems):
+        stem = trimesh.creation.capsule(np.linalg.norm(b - a), radius)
+        stem.apply_transform(trimesh.geometry.align_vectors([0, 0, 1], b - a))
+        stem.apply_translation(a)
+        parts.append(painted(stem, (112, 82, 52), f"stem{k}"))
+    for k, (place, rng) in enumerate(leaves):
+        leaf = trimesh.creation.icosphere(3)
+        leaf.apply_scale([0.048, 0.032, 0.014])
+        leaf.apply_transform(trimesh.transformations.random_rotation_matrix(rng.random(3)))
+        leaf.apply_translation(place)
+        green = np.array([58, 128, 52]) + rng.integers(-22, 22)
+        parts.append(painted(leaf, tuple(green), f"leaf{k}"))
+    return parts
+
+
+def propeller() -> list[Part]:
+    """A hub with three twisted blades."""
+    parts = [painted(trimesh.creation.cylinder(0.022, 0.036, sections=48), (60, 62, 70), "hub")]
+    for k in range(3):
+        blade = trimesh.creation.box((0.14, 0.046, 0.014)).subdivide().subdivide().subdivide()
+        x = blade.vertices[:, 0] / 0.14 + 0.5
+        taper = 1 - 0.45 * x**2
+        angle = np.deg2rad(38 - 26 * x)
+        y, z = blade.vertices[:, 1] * taper, blade.vertices[:, 2] * (1 - 0.3 * x)
+        blade.vertices[:, 1] = np.cos(angle) * y - np.sin(angle) * z
+        blade.vertices[:, 2] = np.sin(angle) * y + np.cos(angle) * z
+        blade.apply_translation([0.08, 0, 0])
+        turn = trimesh.transformations.rotation_matrix(2 * np.pi * k / 3, [0, 0, 1])
+        blade.apply_transform(turn)
+        colour = [(214, 72, 58), (236, 170, 60), (70, 130, 190)][k]
+        parts.append(painted(blade, colour, f"blade{k}"))
+    return parts
+
+
+def toast() -> list[Part]:
+    """A slice of bread with its crust, upon a corner."""
+    bread = trimesh.creation.box((0.11, 0.022, 0.11))
+    for _ in range(5):
+        bread = bread.subdivide()
+    v = bread.vertices
+    # Rounded corners, and the waist of a loaf
+    r = np.maximum(np.abs(v[:, [0, 2]]) - 0.035, 0)
+    far = np.linalg.norm(r, axis=1)
+    keep = np.minimum(1.0, 0.02 / np.maximum(far, 1e-9))
+    v[:, [0, 2]] = np.sign(v[:, [0, 2]]) * (np.minimum(np.abs(v[:, [0, 2]]), 0.035)
+                                            + r * keep[:, None])  # fmt: skip
+    v[:, 0] *= 1 - 0.08 * np.exp(-((v[:, 2] - 0.005) ** 2) / 2e-4)
+    rim = np.abs(bread.vertex_normals[:, 1]) < 0.7
+    crumb = np.sin(900 * v[:, 0]) * np.sin(820 * v[:, 2]) + np.sin(400 * v[:, 0] + 650 * v[:, 2])
+    colours = np.where(rim[:, None], [150, 92, 44], np.array([228, 196, 142]) - 12 * crumb[:, None])
+    bread.visual.vertex_colors = np.clip(colours, 0, 255).astype(np.uint8)
+    tilt = trimesh.transformations.rotation_matrix
+    bread.apply_transform(tilt(0.5, [0, 1, 0]) @ tilt(0.35, [1, 0, 0]))
+    return [Part("toast", bread)]
+
+
+def bear() -> list[Part]:
+    """A gummy bear of balls."""
+    balls = [
+        ((0, 0, 0.075), (0.07, 0.06, 0.075)), ((0, 0.005, 0.17), (0.05, 0.046, 0.046)),
+        ((-0.038, 0, 0.212), (0.018, 0.012, 0.018)), ((0.038, 0, 0.212), (0.018, 0.012, 0.018)),
+        ((0, -0.042, 0.162), (0.022, 0.018, 0.017)),
+        *(((x, -0.03, 0.11), (0.024, 0.036, 0.022)) for x in (-0.066, 0.066)),
+        *(((x, -0.04, 0.026), (0.03, 0.05, 0.026)) for x in (-0.045, 0.045)),
+    ]  # fmt: skip
+    parts = []
+    for k, (place, size) in enumerate(balls):
+        ball = trimesh.creation.icosphere(4)
+        ball.apply_scale(size)
+        ball.apply_translation(place)
+        parts.append(painted(ball, (206, 44, 62) if k != 4 else (226, 92, 92), f"ball{k}"))
+    return parts
+
+
+MODELS = {"plant": plant, "propeller": propeller, "toast": toast, "bear": bear}
+
+
+def captured(scene: Scene, folder: Path) -> Path:
+    """The capture of a model: its visible skin alone, as a camera would have it."""
+    path = folder / f"{scene.model}.ply"
+    if path.exists():
+        return path
+    parts = MODELS[scene.model]()
+    asset = Asset(scene.model, tuple(parts))
+    splats(asset, path, total=round(1.4 * scene.count), share=0.0034)
+    table = read_points(path)
+    inside = np.zeros(len(table), dtype=bool)
+    for part in parts:  # what lies within another part is never seen
+        others = table.positions
+        box = (others > part.mesh.bounds[0]) & (others < part.mesh.bounds[1])
+        near = np.flatnonzero(box.all(axis=1))
+        if len(near) and len(parts) > 1:
+            distance = igl.signed_distance(
+                others[near], np.asarray(part.mesh.vertices), np.asarray(part.mesh.faces)
+            )[0]
+            inside[near[distance < -1e-4]] = True
+    rows = np.flatnonzero(~inside)
+    rng = np.random.default_rng(0)
+    rows = np.sort(rng.permutation(rows)[: scene.count])
+    write_points(path, table.only(rows))
+    return path
+
+
+def made(name: str, folder: Path) -> dict:
+    """Run the command of a scene and measure it."""
+    scene = SCENES[name]
+    capture, output = captured(scene, folder), folder / name
+    program = [sys.executable, "-m", "autophyx_tet", *scene.words(capture, output), "--json"]
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    done = subprocess.run(program, check=False, capture_output=True, text=True)
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    if done.returncode:
+        raise SystemExit(f"{name}: {done.stderr}")
+    document = json.loads(done.stdout)
+    spent = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+    (case,) = document["cases"]
+    words = scene.words(Path(capture.name), Path("out"))
+    return {
+        "scene": name,
+        "command": shlex.join(["autophyx-tet", *words]),
+        "splats": len(read_points(capture)),
+        "driver": case["options"],
+        "cells": case["cells"],
+        "cpu_s": round(spent, 1),
+        "foretold_over_spent": round(document["foretold"] / spent, 2),
+        "frames": document["film"]["frames"],
+        **watched(read_points(capture), output / "motion_0.npz"),
+        "left": document["film"]["left"],
+        "clamped": document["film"]["clamped"],
+        "verdicts": [f"{v['mark']}: {v['sentence']}" for v in case["verdicts"]],
+    }
+
+
+def watched(table, motion: Path) -> dict[str, int]:
+    """Needles in all frames, and frozen dots at the end."""
+    actor, _ = kept_motion(motion, table)
+    frames = [actor.frame(i) for i in range(len(actor.states))]
+    found = sum(int(needles(actor.shown, frame).sum()) for frame in frames)
+    means = np.stack([frame.means for frame in frames])
+    near = KDTree(means[0]).query(means[0], k=GOES + 1)[1][:, 1:]
+    moved = np.linalg.norm(means[-1] - means[len(means) // 2], axis=1)
+    around = np.median(moved[near], axis=1)
+    size = np.linalg.norm(np.ptp(means[0], axis=0))
+    frozen = (moved < STILL * around) & (around > TRAVELS * size) & (frames[-1].opacity > 0)
+    return {"needles": found, "frozen": int(frozen.sum())}
+
+
+def main() -> None:
+    """Measure some scenes, or make the gallery."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("names", nargs="*", choices=[[], *SCENES])
+    parser.add_argument("--gallery", action="store_true")
+    parser.add_argument("--output", type=Path, help="folder of captures and films, else temporary")
+    options = parser.parse_args()
+    names = options.names or (SCENES if options.gallery else MEASURED)
+    rows = []
+    with tempfile.TemporaryDirectory() as folder:
+        folder = options.output or Path(folder)
+        folder.mkdir(parents=True, exist_ok=True)
+        for name in names:
+            rows.append(made(name, folder))
+            print(json.dumps(rows[-1]), flush=True)
+            if options.gallery:
+                smaller(folder / name / "film.webp", DOCS / "gallery" / "splats" / f"{name}.webp")
+    if not options.names:
+        record = DOCS / "data" / "splat_films.json"
+        known = json.loads(record.read_text())["rows"] if record.exists() else []
+        rows += [row for row in known if row["scene"] not in names]
+        machine = {"what": "one of two shared cores", "load": round(os.getloadavg()[0], 1)}
+        document = {"command": "python benchmarks/splat_films.py", "machine": machine, "rows": rows}
+        record.write_text(json.dumps(document, indent=1) + "\n")
+
+
+def smaller(source: Path, target: Path) -> None:
+    """Write a film for the gallery: every second frame, some 200 kB."""
+    target.parent.mkdir(parents=True, exist_ok=True)
+    with Image.open(source) as film:
+        frames = []
+        for i in range(0, film.n_frames, 2):
+            film.seek(i)
+            frames.append(film.convert("RGB").resize((SHOWN, SHOWN), Image.Resampling.LANCZOS))
+    options = {"duration": 67, "loop": 0, "quality": 62, "method": 4}
+    frames[0].save(target, "WEBP", save_all=True, append_images=frames[1:], **options)
+
+
+if __name__ == "__main__":
+    main()
