@@ -48,8 +48,10 @@ class Plan(NamedTuple):
     @property
     def words(self) -> str:
         """Driver and cost in a line."""
-        told = self._asdict() | {"total": self.solve + self.draw, "solver": self.options.solver}
-        return Note(f"budget.{self.options.solver}", **told)
+        told = {"cells": self.cells, "solve": self.solve, "draw": self.draw}
+        told["total"] = self.solve + self.draw
+        reduced = self.options.solver == "lbs"
+        return Note("budget.lbs", **told) if reduced else Note("budget.mpm", **told)
 
 
 def planned(
