@@ -21,8 +21,8 @@ CUT = [
     [4, 6, 7, 8], [4, 5, 6, 8], [6, 7, 8, 9], [5, 6, 9, 8],
 ]  # fmt: skip
 # By kind: the first were seen while the estimate was made, the others drawn when it was done, and
-# again when what the first of those showed had been mended.
-SEEDS = {"random": 20261128, "drawn": 20261129, "later": 20261130}
+# again each time when what those had shown was mended.
+SEEDS = {"random": 20261128, "drawn": 20261129, "later": 20261130, "last": 20261201}
 
 
 @dataclass(frozen=True)

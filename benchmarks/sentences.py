@@ -6,10 +6,10 @@ values and the doubts about words are scored. All in one process: 40 ms a senten
 words leave parts open and the network is asked, minutes in all. What stands on the line beside the
 options here goes to `assign` (``--predictor retrieval``).
 
-One set served to build the reader. Each later one (``second`` to ``tenth``) was written before the
-reader was run on it, and then served to mend it: ``held_out`` after it had been scored twelve
-times, the tenth, by three hands, after once. Sets that are held out, the eleventh and those after
-it, are scored with ``--held-out`` alone; every such look is written down in
+One set served to build the reader. Each later one (``second`` to ``eleventh``) was written before
+the reader was run on it, and then served to mend it: ``held_out`` after it had been scored twelve
+times, the tenth and the eleventh, by three hands each, after once. Sets that are held out, the
+twelfth and those after it, are scored with ``--held-out`` alone; every such look is written down in
 ``data/held_out_looks.jsonl``, and their rows say how many there were. Their sentences are never
 listed. The files say how they were written.
 
@@ -44,12 +44,15 @@ from autophyx_tet.toolkit.cli.main import main as autophyx_tet
 CORPUS = Path(__file__).resolve().parent / "data"
 LOOKS = CORPUS / "held_out_looks.jsonl"
 HELD_OUT = tuple(
-    sorted(p.stem.removeprefix("sentences_") for p in CORPUS.glob("sentences_eleventh_*.toml"))
+    f"twelfth_{hand}"
+    for hand in ("engineers", "trades", "languages")
+    if (CORPUS / f"sentences_twelfth_{hand}.toml").exists()
 )
 # In the order in which they were written; those after the first know the bands of those before.
 SETS = (
     "building", "second", "third", "fourth", "fifth", "sixth", "seventh", "eighth", "ninth",
     "held_out", "tenth_engineers", "tenth_trades", "tenth_languages",
+    "eleventh_engineers", "eleventh_trades", "eleventh_languages",
 )  # fmt: skip
 EXACT = 1e-6  # stated numbers come out as stated: nothing but round-off between
 NOTHING_KNOWN = ("unknown", "open")

@@ -40,8 +40,12 @@ class Case:
         return float((u[: len(self.probe)][self.probe] @ self.direction).mean())
 
     def held_nodes(self, space) -> np.ndarray:
-        """Nodes of a space (nodes,) that are clamped: edges between clamped points too."""
-        return np.concatenate([self.held, self.held[space.edges].all(axis=1)])
+        """Nodes of a quadratic space (nodes,) that are clamped: our edges, for every peer."""
+        from autophyx_tet.fem.elements.assembly import node_supports
+        from autophyx_tet.fem.scene.supports import Supports
+
+        supports = Supports.clamp(len(self.held), self.held)
+        return node_supports(supports, space).fixed.all(axis=1)
 
 
 def cantilever(size: str) -> Case:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import gzip
 import logging
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from itertools import islice
@@ -29,6 +29,7 @@ from .registry import GRID_FORMATS, Format, Keeps, format_of, warn_of_losses, wr
 
 if TYPE_CHECKING:
     import trimesh
+    from scipy.spatial import KDTree
 
 
 @dataclass(frozen=True, eq=False)
@@ -342,25 +343,24 @@ def isosurface(
 
 
 def shell_surface(
-    density: Float[np.ndarray, "nx ny nz"],
-    grid: Grid,
-    *,
-    level: float,
-    depth: Callable[[trimesh.Trimesh], float],
+    density: Float[np.ndarray, "nx ny nz"], grid: Grid, *, level: float, through: KDTree
 ) -> trimesh.Trimesh:
-    """Surface [m] that lies ``depth`` [m] of the outer one below it; what is enclosed is solid.
+    """Surface [m] as far below the outer one as places [m] lie; what is enclosed is solid.
 
-    A level of the distance and not moved vertices: these would fold where a body is thin.
+    A level of the distance and not moved vertices: these would fold where a body is thin. The
+    distances of the places that the outer surface sees first differ, by its bumps and edges; of
+    all levels their mean over its area has, to first order, the volume that the places enclose.
     """
     import igl
     from scipy.ndimage import distance_transform_edt
 
     solid = _solid(density >= level)
     outer = _cut(density, solid, grid, level)
-    below = depth(outer)
     away = np.asarray(distance_transform_edt(np.pad(solid, 1)))[1:-1, 1:-1, 1:-1] * grid.h
-    near = solid & (np.abs(away - below) < _BAND * grid.h)
     triangles = np.ascontiguousarray(outer.vertices), np.ascontiguousarray(outer.faces)
+    first = np.asarray(through.data)[through.query(triangles[0])[1]]
+    below = float(np.sqrt(igl.point_mesh_squared_distance(first, *triangles)[0]).mean())
+    near = solid & (np.abs(away - below) < _BAND * grid.h)
     away[near] = np.sqrt(igl.point_mesh_squared_distance(grid.centers()[near], *triangles)[0])
     # A body that is thinner than that all over stays as its cut is.
     return _marched(away, grid, below) if 0 < below < away.max() else outer

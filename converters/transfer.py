@@ -289,22 +289,26 @@ def tets_of_field(field: MaterialField) -> TetMesh:
     Its surface is that of the voxels, in steps: fit for particles, not for stresses.
     """
     cells = np.argwhere(field.occupied)
+    points, tets = tets_of_cells(field.grid, cells)
+    part, names = _particles_parts(field)
+    of = np.repeat(np.arange(len(cells)), len(tets) // len(cells))
+    mesh = TetMesh(points, tets, part[of].astype(np.int32), region_names=names)
+    values = (getattr(field, name)[field.occupied][of] for name in ("E", "nu", "rho"))
+    return mesh.with_material(ElementMaterial(*values))
+
+
+def tets_of_cells(grid: Grid, cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Points [m] (n, 3) and, cell by cell, the six tets (Kuhn) of each of ``cells`` (m, 3)."""
     corners = np.array(list(np.ndindex(2, 2, 2)))
     nodes, ids = np.unique((cells[:, None] + corners).reshape(-1, 3), axis=0, return_inverse=True)
-    ids = ids.reshape(-1, 8)
     step = np.array([4, 2, 1])  # from a corner to its neighbour along x, y, z
     paths = [
         np.concatenate([[0], np.cumsum(step[list(order)])])
         for order in itertools.permutations(range(3))
     ]
-    part, names = _particles_parts(field)
-    of = np.repeat(np.arange(len(cells)), len(paths))
-    mesh = TetMesh.oriented(
-        field.grid.to_world(nodes - 0.5), ids[:, paths].reshape(-1, 4), part[of].astype(np.int32),
-        region_names=names,
-    )  # fmt: skip
-    values = (getattr(field, name)[field.occupied][of] for name in ("E", "nu", "rho"))
-    return mesh.with_material(ElementMaterial(*values))
+    tets = ids.reshape(-1, 8)[:, paths].reshape(-1, 4)
+    mesh = TetMesh.oriented(grid.to_world(nodes - 0.5), tets)
+    return mesh.points, mesh.tets
 
 
 def _particles_parts(field: MaterialField) -> tuple[np.ndarray, tuple[str, ...]]:

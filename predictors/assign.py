@@ -17,7 +17,7 @@ from .grid import PartVoxels
 from .partition import alike, merged
 from .prediction import Numbered, PartChoice, Prediction
 from .predictor import PREDICTORS, Predictor
-from .regions.division import Regions, cut
+from .regions.division import Regions, apart, cut
 from .regions.pieces import carve, divided, of_matters
 from .resolve.resolve import RetrievalPredictor, lookup_of
 from .text.clauses import Bound, BoundPart
@@ -38,6 +38,7 @@ def predict_materials(
     usual: Mapping[str, tuple[str, str]] | None = None,
     up: UpAxis = "z",
     appearance: Callable[[], Appearance] | None = None,
+    regions_of: Callable[[], Regions] | None = None,
     table: MaterialTable | None = None,
     regions: Mapping[int | Point, str] | None = None,
 ) -> Prediction:
@@ -55,6 +56,8 @@ def predict_materials(
     usual: By part a kind of thing and its usual material, for where no word names another.
     up: The axis that points up.
     appearance: Gives what is seen of the cells; called only where words leave a part open.
+    regions_of: Gives the regions of the cells, called only where one is asked for; by default they
+        are cut by what is seen.
     table: The materials, by default those of the package.
     regions: Text for single regions, by number from 1 as the prediction numbers them, or by a
         point [m] that is in them or nearest to them.
@@ -73,12 +76,13 @@ def predict_materials(
     table = table or load_table()
     lookup = lookup_of(table)
     seen = None if appearance is None else cache(appearance)
+    cut_up = regions_of or (lambda: _cut(given, seen, up))
     retrieves = predictor == "retrieval" or isinstance(predictor, RetrievalPredictor)
     given, overrides = parts, dict(overrides or {})
     parents = tuple(range(len(parts.part_names)))
     whole: Regions | None = None
     if regions:
-        whole = _cut(parts, seen, up)
+        whole = cut_up()
         cells = _chosen(parts, whole, regions)
         overrides |= {name: text for name, (_, text) in cells.items()}
         parts, parents = carve(parts, {name: mine for name, (mine, _) in cells.items()})
@@ -89,14 +93,7 @@ def predict_materials(
     settled = lookup.settle(
         parts.part_labels, bound, volumes=volumes, within=_of_parents(within, parents), **fixed
     )
-    choices = list(settled.choices)
-    for i, choice in enumerate(choices):
-        # The usual material of its kind where no word of text or name decided it
-        kind, material = (usual or {}).get(choice.part, ("", ""))
-        if material and choice.guessed and not choice.clause and choice.understood:
-            row, why = table.exact(material), Note("assign.usual", kind=kind)
-            value, alpha_of = row.value(choice.alpha), choice.alpha
-            choices[i] = PartChoice(choice.part, row, value, 1.0, alpha_of, why, guessed=True)
+    choices = [_as_usual(choice, usual or {}, table) for choice in settled.choices]
     left_open = [i for i, c in enumerate(choices) if not c.settled and i in parts.part]
     warnings, pieces = settled.warnings, None
     # without an asset, by shape alone, the network of voxels divides better
@@ -110,7 +107,7 @@ def predict_materials(
             i for i in np.unique(parts.part[parts.occupied]).tolist()
             if (alone or i in left_open) and key(parts.part_names[i]) not in stated
         ]  # fmt: skip
-        whole = whole or _cut(parts, seen, up)
+        whole = whole or cut_up()
         if among and whole.region.any():
             known = {"of": parents, "encoder": lookup.kernel.encoder, "table": table}
             pieces = divided(parts, among, bound, clauses, whole, **known)
@@ -128,13 +125,7 @@ def predict_materials(
             )
         warnings = tuple(dict.fromkeys((*pieces.notes, *again.warnings)))
         left_open = [i for i in pieces.unsaid if i in parts.part]
-    numbered = None
-    if whole is not None:
-        number = np.zeros(parts.part.shape, dtype=int)
-        number[parts.occupied] = whole.region + 1
-        size = np.bincount(whole.region)
-        sums = (np.bincount(whole.region, channel) for channel in whole.looks[:, :3].T)
-        numbered = Numbered(number, np.stack([*sums], axis=1) / size[:, None])
+    numbered = whole and _numbered(parts, whole)
     if not left_open:
         made = Prediction.of(parts, choices, bound.sentence, alpha=alpha)
         return replace(made, parents=parents, warnings=warnings, regions=numbered)
@@ -155,17 +146,30 @@ def predict_materials(
 Point = tuple[float, float, float]
 
 
+def _as_usual(
+    choice: PartChoice, usual: Mapping[str, tuple[str, str]], table: MaterialTable
+) -> PartChoice:
+    """The usual material of a part's kind where no word of text or name decided it."""
+    kind, material = usual.get(choice.part, ("", ""))
+    if not material or not choice.guessed or choice.clause or not choice.understood:
+        return choice
+    row, alpha, why = table.exact(material), choice.alpha, Note("assign.usual", kind=kind)
+    return PartChoice(choice.part, row, row.value(alpha), 1.0, alpha, why, guessed=True)
+
+
+def _numbered(parts: PartVoxels, regions: Regions) -> Numbered:
+    """Number and colour of each region, from 1."""
+    number = np.zeros(parts.part.shape, dtype=int)
+    number[parts.occupied] = regions.region + 1
+    size = np.bincount(regions.region).clip(min=1)
+    sums = [np.bincount(regions.region, channel) for channel in regions.looks[:, :3].T]
+    return Numbered(number, np.stack(sums, axis=1) / size[:, None])
+
+
 def _cut(parts: PartVoxels, seen: Callable[[], Appearance] | None, up: UpAxis) -> Regions:
     """Cut all parts into regions, none of which crosses from one part to another."""
     regions = cut(np.argwhere(parts.occupied), seen() if seen else None, up)
-    of_cell = parts.part[parts.occupied]
-    if not np.ptp(of_cell):
-        return regions
-    apart = [
-        np.unique(of_cell * (int(region.max()) + 1) + region, return_inverse=True)[1].ravel()
-        for region in (regions.plain, regions.region)
-    ]
-    return regions._replace(plain=apart[0], region=apart[1])
+    return apart(regions, parts.part[parts.occupied])
 
 
 def _chosen(
@@ -177,7 +181,7 @@ def _chosen(
     for which, text in texts.items():
         if isinstance(which, int):
             number = which
-            if not 1 <= number <= count:
+            if not (regions.region == number - 1).any():
                 raise UsageError("assign.no_region", number=number, count=count)
         else:
             nearest = np.square(parts.grid.to_world(cells) - np.asarray(which)).sum(axis=1).argmin()

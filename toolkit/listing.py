@@ -282,10 +282,10 @@ def plan(
 def _cost(asset: Asset, options: ConvertOptions) -> tuple[dict[str, float], dict[str, float]]:
     """Tets and seconds of a core that converting takes."""
     from .meshing.ftetwild import EDGE_LENGTH_REL, TETS_PER_CUBE, EngineTarget
-    from .meshing.meshers import STUFFING, chosen_mesher
+    from .meshing.meshers import PARTICLES, STUFFING, chosen_mesher
 
     diagonal, faces = float(np.linalg.norm(asset.size)), _faces(asset)
-    if chosen_mesher(options.mesher, sampled=asset.sampled) == STUFFING:
+    if chosen_mesher(options.mesher, sampled=asset.sampled) in (STUFFING, PARTICLES):
         # tets of a lattice fill the volume, or are as many as wanted
         rel = options.edge_length / diagonal if options.edge_length else options.edge_length_rel
         epsilon, most = options.epsilon_rel, options.max_tets

@@ -23,7 +23,7 @@ from ..fem.solve.method import SCENARIOS
 from ..predictors.encoders import ENCODERS, check_encoder
 from ..predictors.predictor import PREDICTORS
 from .asset import Unit, path_of
-from .meshing.meshers import AUTO, MESHERS, STUFFING
+from .meshing.meshers import AUTO, MESHERS, OR_PARTICLES, STUFFING
 
 # What a stage of progress begins with that says how long a run will take: it is always shown.
 EXPECTED = "expected: "
@@ -63,8 +63,9 @@ class ConvertOptions:
     """Splats below this opacity are haze, no matter; by default .1."""
     crop: str | None = None
     """Splats within this box alone, x,y,z,x,y,z in the file's units."""
-    mesher: Annotated[str, choice(MESHERS, AUTO)] = AUTO
-    """ftetwild keeps epsilon; stuffing is quick, auto for samples, large scans, time-outs."""
+    mesher: Annotated[str, choice(MESHERS, AUTO, OR_PARTICLES)] = AUTO
+    """ftetwild keeps epsilon; stuffing is quick, auto for samples, large scans, time-outs;
+    particles, cubes for --solver mpm, are what `run` takes with it where no mesh can be had."""
     edge_length_rel: float | None = None
     """Wanted edge of a tet, share of the bounding box diagonal; .05, stuffing: 50,000 tets."""
     edge_length: float | None = None

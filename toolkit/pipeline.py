@@ -28,6 +28,7 @@ from .asset.document import (
     now,
     read_known,
 )
+from .meshing.meshers import AUTO, OR_PARTICLES
 from .options import (
     EXPECTED,
     AssignOptions,
@@ -38,7 +39,7 @@ from .options import (
     region_texts,
     with_given,
 )
-from .simulation.simulate import simulate
+from .simulation.simulate import simulate, takes_particles
 from .verdict.assignment import Assignment
 from .verdict.run import Conversion, RunCase, RunResult, Stopwatch, dialled
 from .walls import WallOptions
@@ -200,6 +201,7 @@ def assign(
     from ..predictors.assign import predict_materials
     from ..predictors.resolve.numbers import numbers_of_parts
     from .features import appearance_of
+    from .segment import cut_voxels
     from .walls import Called, Walls, build_parts, share_within, with_walls
 
     options = with_given(options or AssignOptions(), given, verb="assign").checked()
@@ -227,6 +229,7 @@ def assign(
         usual=called.usual_materials(),
         up=sidecar.up,
         appearance=seen and partial(appearance_of, seen, voxels, encoder=options.encoder),
+        regions_of=seen and partial(cut_voxels, seen, voxels, up=sidecar.up),
         regions=region_texts(options),
     )
     found = said.filled(found)
@@ -353,8 +356,11 @@ def run(
         check_file(picture, SUFFIXES)
     with alone(output):
         clock = Stopwatch()
+        options = convert_options or ConvertOptions()
+        if options.mesher == AUTO and takes_particles(simulate_options or SimulateOptions()):
+            options = replace(options, mesher=OR_PARTICLES)
         asset, walls = with_named_walls(asset, texts, walls, convert_options)
-        solid = convert(asset, options=convert_options, walls=walls, progress=progress)
+        solid = convert(asset, options=options, walls=walls, progress=progress)
         clock.lap("convert")
         known = {"up": solid.asset.up, "options": simulate_options, "progress": progress}
         cases = []

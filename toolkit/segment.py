@@ -4,16 +4,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from jaxtyping import Float, Int
 
 from ..predictors.appearance.features import Appearance, cell_appearance, fill
 from ..predictors.appearance.surface import skin_of, surface_voxels
-from ..predictors.asset import Asset, upright
-from ..predictors.grid import Grid
+from ..predictors.asset import Asset, UpAxis, upright
+from ..predictors.grid import Grid, PartVoxels
 from ..predictors.matter import LOOK
-from ..predictors.regions.division import cut
+from ..predictors.regions.division import Regions, apart, cut
 from .asset import path_of
 from .asset.document import check_file
 
@@ -36,6 +37,61 @@ class Segmented:
             for part, fraction in zip(self.parts.parts, self.fractions, strict=True)
         ]
         return {"files": self.files, "parts": rows, "warnings": self.parts.warnings}
+
+
+class Cut(NamedTuple):
+    """The cells of an asset, cut into regions that no border of its parts crosses.
+
+    centres: Of the cells (n, 3) [m].
+    part: The part that each is of, by number.
+    regions: What they are cut into.
+    """
+
+    centres: np.ndarray
+    part: np.ndarray
+    regions: Regions
+
+    def nearest(self, points: Float[np.ndarray, "m 3"], part: int) -> Int[np.ndarray, "m"]:
+        """Of points [m] of a part the cells that are nearest, of the part where it has some."""
+        from scipy.spatial import KDTree
+
+        mine = np.flatnonzero(self.part == part)
+        mine = mine if len(mine) else np.arange(len(self.part))
+        return mine[KDTree(self.centres[mine]).query(points)[1]]
+
+
+def cut_asset(asset: Asset) -> Cut:
+    """Cut what the surfaces of an asset enclose; its regions are numbered so for every verb."""
+    from scipy.ndimage import distance_transform_edt
+
+    grid = Grid.around(asset.bounds, cells=CELLS)
+    voxels = surface_voxels(asset, grid)
+    inside = fill(voxels.occupied)
+    cells, looks = np.argwhere(inside), np.zeros((*grid.shape, LOOK))
+    shell = np.full(grid.shape, -1)
+    centres = grid.to_world(cells)
+    looks[inside], shell[inside] = cell_appearance(asset, centres)
+    seen = Appearance(looks[..., :3], finish=looks[..., 3:], shell=shell)
+    near = distance_transform_edt(~voxels.occupied, return_distances=False, return_indices=True)
+    part = voxels.part[tuple(np.asarray(near))][inside]
+    return Cut(centres, part, apart(cut(cells, seen, asset.up), part))
+
+
+def cut_voxels(asset: Asset, voxels: PartVoxels, *, up: UpAxis) -> Regions:
+    """Return the regions of an asset on the cells of its parts, which lie where it does."""
+    found = cut_asset(asset)
+    cells, names = np.argwhere(voxels.occupied), [part.name for part in asset.parts]
+    of_cell, near = voxels.part[voxels.occupied], np.zeros(len(cells), dtype=int)
+    for i in np.unique(of_cell):
+        name = voxels.part_names[i]
+        number = names.index(name) if name in names else -1
+        near[of_cell == i] = found.nearest(voxels.grid.to_world(cells[of_cell == i]), number)
+    turned = np.rint(upright(cells.astype(float), up)).astype(int)
+    there = found.regions
+    return Regions(
+        turned - turned.min(axis=0), there.looks[near], there.plain[near], there.region[near],
+        there.shells,
+    )  # fmt: skip
 
 
 def segment(asset: str | Path | Asset, *, output: str | Path | None = None) -> Segmented:
@@ -66,7 +122,6 @@ def segment(asset: str | Path | Asset, *, output: str | Path | None = None) -> S
     (True, 'region 1')
     """
     import trimesh
-    from scipy.spatial import KDTree
     from trimesh.exchange.gltf import export_glb
     from trimesh.remesh import subdivide_to_size
     from trimesh.triangles import points_to_barycentric
@@ -78,23 +133,16 @@ def segment(asset: str | Path | Asset, *, output: str | Path | None = None) -> S
     if output is not None:
         check_file(output, (".glb",))
     asset = asset if isinstance(asset, Asset) else load_asset(asset)
-    grid = Grid.around(asset.bounds, cells=CELLS)
-    inside = fill(surface_voxels(asset, grid).occupied)
-    cells = np.argwhere(inside)
-    looks = np.zeros((*grid.shape, LOOK))
-    shell = np.full(grid.shape, -1)
-    looks[inside], shell[inside] = cell_appearance(asset, grid.to_world(cells))
-    seen = Appearance(looks[..., :3], finish=looks[..., 3:], shell=shell)
-    region = cut(cells, seen, asset.up).region
-    nearest = KDTree(grid.to_world(cells))
+    found = cut_asset(asset)
+    region, finest = found.regions.region, FINEST * float(asset.size.max()) / CELLS
     corners, colours, of = [], [], []
-    for part in asset.parts:
+    for number, part in enumerate(asset.parts):
         mesh = part.mesh
         points, faces, source = subdivide_to_size(  # type: ignore
-            mesh.vertices, mesh.faces, FINEST * grid.h, max_iter=20, return_index=True
+            mesh.vertices, mesh.faces, finest, max_iter=20, return_index=True
         )
         triangles = points[faces]
-        of.append(region[nearest.query(triangles.mean(axis=1))[1]])
+        of.append(region[found.nearest(triangles.mean(axis=1), number)])
         whole = np.repeat(mesh.triangles[source], 3, axis=0)
         weights = points_to_barycentric(whole, triangles.reshape(-1, 3)).clip(0, 1)
         weights = np.nan_to_num(weights, nan=1 / 3)  # of a triangle without an area

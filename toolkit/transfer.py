@@ -238,8 +238,8 @@ def export(
     check_file(output, suffixes)
     body = mesh if isinstance(mesh, TetMesh) else read_mesh(mesh)
     known = None if isinstance(mesh, TetMesh) else Sidecar.read(Path(mesh))
-    rows = BodyRecord.of(known).materials
-    body, notes = with_grains(body, rows, grains_of_options(body, options.grain))
+    record = BodyRecord.of(known)
+    body, notes = with_grains(body, record.materials, grains_of_options(body, options.grain))
     with TemporaryDirectory(dir=output.parent, prefix=".tmp-") as scratch:
         done = export_mesh(
             body,
@@ -255,6 +255,8 @@ def export(
     result = ExportResult(body, target, done, files)
     # How the program takes the body, and what it will not see as it is in the mesh
     warnings = [*(() if Keeps.GRAIN in done.lost else notes), *done.notes]
+    if record.particles:
+        warnings.append(record.differences[0])
     change = result.quantisation()
     if change and max(change["largest"].values()) > 1e-9:  # rounding of a mean of equals is less
         warnings.append(Note("transfer.grouped", bins=done.bins, **change["largest"]))

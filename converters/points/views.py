@@ -270,9 +270,9 @@ def splat_surface(
     """Closed surface [m] through the centres of splats above an opacity, its inside solid.
 
     The opacity grid of a shell of splats is a ridge. It is cut on its outer side, its inside
-    filled, and the cut moved in to where the splats lie below it: their own places, since in a
-    thin body the ridges of both sides are one. By default cells are as large as what a splat
-    covers. Vertices have the colour of the splats around.
+    filled, and the cut moved in to the splats: their own places, since in a thin body the ridges
+    of both sides are one. By default cells are as large as what a splat covers. Vertices have the
+    colour of the splats around.
     """
     from scipy.spatial import KDTree
 
@@ -286,14 +286,7 @@ def splat_surface(
     grid = Grid.around(bounds, cells=cells or _cells(splats, tree), pad=PAD)
     density = opacity_grid(splats, grid)
     here = density[tuple(grid.cell_of(splats.means).T)]
-
-    def depth(outer: trimesh.Trimesh) -> float:
-        """Median depth [m] below the outer surface at which the nearest splat lies."""
-        vertices, normals = np.asarray(outer.vertices), np.asarray(outer.vertex_normals)
-        below = vertices - splats.means[tree.query(vertices)[1]]
-        return float(np.median(np.einsum("ni,ni->n", below, normals)))
-
-    surface = shell_surface(density, grid, level=_CUT * float(np.median(here)), depth=depth)
+    surface = shell_surface(density, grid, level=_CUT * float(np.median(here)), through=tree)
     if all(f"f_dc_{i}" in table.columns for i in range(3)):
         base = np.stack([table.columns[f"f_dc_{i}"][keep] for i in range(3)], axis=1)
         ranks: Any = np.arange(1, min(_NEIGHBOURS, len(base)) + 1)  # an array keeps the shape

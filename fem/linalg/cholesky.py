@@ -85,25 +85,27 @@ class CholeskyFactor:
 
     def solve(self, b: Float[np.ndarray, "nodes 3 *vectors"]) -> Float[np.ndarray, "..."]:
         """Solve A x = b for one or more right-hand sides, shape (nodes, 3) or (nodes, 3, n)."""
-        from scipy.linalg.blas import dtrsm, dtrsv  # type: ignore  (by f2py)
+        from scipy.linalg.blas import dtrsm  # type: ignore  (by f2py)
 
-        order, one = self.plan.order.numpy(), b.ndim == 2
-        x = b[order].reshape(3 * len(order)) if one else b[order].reshape(3 * len(order), -1)
-        for square, lower, low, high, rows in self._panels:
-            own = x[low:high]
-            if one:
-                dtrsv(square, own, lower=1, overwrite_x=1)
-            else:
+        from . import kernels_cholesky as k
+
+        order = self.plan.order.numpy()
+        x = b[order].reshape(3 * len(order), *b.shape[2:])
+        if b.ndim == 2:
+            wp = start_warp()
+            vector = wp.array(x, dtype=wp.float64, device="cpu", copy=False)
+            inputs = [self.plan.fronts, self._numbers, vector]
+            wp.launch(k.substitute, 1, inputs=inputs, device="cpu")
+        else:
+            for square, lower, low, high, rows in self._panels:
+                own = x[low:high]
                 dtrsm(1.0, square, own.T, side=1, lower=1, trans_a=1, overwrite_b=1)
-            if len(rows):
-                x[rows] -= lower @ own
-        for square, lower, low, high, rows in reversed(self._panels):
-            own = x[low:high]
-            if len(rows):
-                own -= lower.T @ x[rows]
-            if one:
-                dtrsv(square, own, lower=1, trans=1, overwrite_x=1)
-            else:
+                if len(rows):
+                    x[rows] -= lower @ own
+            for square, lower, low, high, rows in reversed(self._panels):
+                own = x[low:high]
+                if len(rows):
+                    own -= lower.T @ x[rows]
                 dtrsm(1.0, square, own.T, side=1, lower=1, overwrite_b=1)
         out = np.empty_like(b)
         out[order] = x.reshape(b.shape)

@@ -199,3 +199,61 @@ def extend_add(t: wp.int32, f: Fronts, stack: Doubles, factor: Doubles):
                 else:
                     to = own + (column - k) * r - k
                     add_rows(f, low, node, size, node, b, stack, at, stack, to)
+
+
+@wp.kernel
+def substitute(f: Fronts, numbers: Doubles, x: Doubles):
+    """Solve L L^T x = b, forward and back; ``x`` is b, in the order of elimination.
+
+    Panels are stored by columns: the square of a supernode, then what is below.
+    """
+    supernodes = f.panel.shape[0] - 1
+    for t in range(supernodes):
+        own = 3 * f.first[t]
+        width = 3 * f.first[t + 1] - own
+        low = f.start[t]
+        count = f.start[t + 1] - low
+        for j in range(width):
+            at = f.panel[t] + j * width
+            x[own + j] = x[own + j] / numbers[at + j]
+            for i in range(j + 1, width):
+                x[own + i] -= numbers[at + i] * x[own + j]
+        for n in range(width // 3):
+            u = x[own + 3 * n]
+            v = x[own + 3 * n + 1]
+            w = x[own + 3 * n + 2]
+            for i in range(count):
+                at = f.panel[t] + width * width + 9 * n * count + 3 * i
+                row = 3 * f.below[low + i]
+                for c in range(3):
+                    e = at + c
+                    d = numbers[e] * u + numbers[e + 3 * count] * v + numbers[e + 6 * count] * w
+                    x[row + c] -= d
+    for back in range(supernodes):
+        t = supernodes - 1 - back
+        own = 3 * f.first[t]
+        width = 3 * f.first[t + 1] - own
+        low = f.start[t]
+        count = f.start[t + 1] - low
+        for n in range(width // 3):
+            u = wp.float64(0.0)
+            v = wp.float64(0.0)
+            w = wp.float64(0.0)
+            for i in range(count):
+                at = f.panel[t] + width * width + 9 * n * count + 3 * i
+                row = 3 * f.below[low + i]
+                for c in range(3):
+                    e = at + c
+                    u += numbers[e] * x[row + c]
+                    v += numbers[e + 3 * count] * x[row + c]
+                    w += numbers[e + 6 * count] * x[row + c]
+            x[own + 3 * n] -= u
+            x[own + 3 * n + 1] -= v
+            x[own + 3 * n + 2] -= w
+        for k in range(width):
+            j = width - 1 - k
+            at = f.panel[t] + j * width
+            value = wp.float64(0.0)
+            for i in range(j + 1, width):
+                value += numbers[at + i] * x[own + i]
+            x[own + j] = (x[own + j] - value) / numbers[at + j]

@@ -81,6 +81,11 @@ def triaxial_friction(angle: float) -> float:
     return float(np.sqrt(2 / 3) * 2 * sine / (3 - sine))
 
 
+def triaxial_angle(slope: float) -> float:
+    """Friction angle [rad] whose ``triaxial_friction`` is ``slope`` [1]; steeper: a right one."""
+    return float(np.arcsin(min(3 * slope / (np.sqrt(8 / 3) + slope), 1.0)))
+
+
 def plane_friction(angle: float) -> float:
     """Slope alpha [1] of the cone that fits plane strain, of a friction ``angle`` [rad]."""
     return float(np.sqrt(2) * np.sin(angle) / 3)

@@ -107,7 +107,7 @@ class MiniLM:
             mixed = (weight @ v).swapaxes(1, 2).reshape(*tokens.shape, self.dim)
             attended = self._dense(f"{at}.attention.output.dense", mixed)
             x = self._norm(f"{at}.attention.output.LayerNorm", x + attended)
-            inner = _gelu(self._dense(f"{at}.intermediate.dense", x), xp)
+            inner = gelu(self._dense(f"{at}.intermediate.dense", x), xp)
             x = self._norm(f"{at}.output.LayerNorm", x + self._dense(f"{at}.output.dense", inner))
         return x
 
@@ -154,7 +154,7 @@ class Arrays:
         return self._threads.limit(limits=1, user_api="blas")
 
 
-def _gelu(x: Any, xp: Any = np) -> Any:
+def gelu(x: Any, xp: Any = np) -> Any:
     """GELU, x Phi(x), exact to 2e-7: erf by Abramowitz & Stegun 7.1.26 (numpy has none)."""
     z = xp.abs(x) * 0.5**0.5
     t = 1 / (1 + 0.3275911 * z)

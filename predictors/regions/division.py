@@ -22,7 +22,7 @@ from ..text.clauses import Clause, Sentence
 from ..text.parts import known_parts, stem
 from .measures import measured
 from .network import RegionNetwork, Said
-from .segment import segment
+from .segment import largest_first, segment
 
 WHOLE = 0.5  # of the certainty: below it a thing stays in one piece
 FORCED = 6.0  # nats that giving each clause a region may cost, all in all
@@ -38,12 +38,14 @@ class Regions(NamedTuple):
     looks: Colour and finish (n, 7) of each.
     plain: Region of each by its colour alone.
     region: Region by colour, finish and shells too; the same as ``plain`` where none are known.
+    shells: Whether they are known.
     """
 
     cells: np.ndarray
     looks: np.ndarray
     plain: np.ndarray
     region: np.ndarray
+    shells: bool
 
 
 class Divided(NamedTuple):
@@ -68,16 +70,27 @@ def cut(cells: Int[np.ndarray, "n 3"], appearance: Appearance | None, up: UpAxis
     turned = np.rint(upright(cells.astype(float), up)).astype(int)
     turned -= turned.min(axis=0)
     looks = np.tile((_GREY, _GREY, _GREY, *PLAIN_FINISH), (len(cells), 1))
-    shell = None
     if appearance is not None and appearance.colours is not None:
         looks[:, :3] = appearance.colours[at]
-    plain = region = segment(turned, looks)
+    plain = segment(turned, looks)
     if appearance is not None and appearance.shell is not None:
         if appearance.finish is not None:
             looks[:, 3:LOOK] = appearance.finish[at]
         shell = np.unique(appearance.shell[at], return_inverse=True)[1].ravel()
         region = segment(turned, looks, shell)
-    return Regions(turned, looks, plain, region)
+        return Regions(turned, looks, plain, region, shells=True)
+    return Regions(turned, looks, plain, plain, shells=False)
+
+
+def apart(regions: Regions, part: Int[np.ndarray, "n"]) -> Regions:
+    """Return the regions cut where parts meet, the largest first again."""
+    if not np.ptp(part):
+        return regions
+    plain, region = (
+        largest_first(np.unique(part * (int(of.max()) + 1) + of, return_inverse=True)[1].ravel())
+        for of in (regions.plain, regions.region)
+    )
+    return regions._replace(plain=plain, region=region)
 
 
 def said_by(clause: Clause, sentence: Sentence) -> Said:
@@ -107,7 +120,7 @@ def divide(
     """
     network = network or RegionNetwork.load()
     cuts = {False: regions.plain}
-    if regions.region is not regions.plain:
+    if regions.shells:
         cuts[True] = regions.region
     shares = []
     for shells, region in cuts.items():

@@ -22,6 +22,7 @@ from jaxtyping import Float
 from ...fem.errors import InputError
 from ...fem.note import Note
 from ...fem.table import MaterialTable
+from ..encoders.minilm import gelu
 from ..encoders.registry import TextEncoder
 from ..matter import FEATURES, CategoriesByAppearance
 from ..text.parts import KINDS, kind_of
@@ -199,7 +200,7 @@ class RegionNetwork:
 
     def __call__(self, given: Inputs) -> Float[np.ndarray, "regions clauses"]:
         """Shares of the clauses in every region, the null clause last."""
-        r = self._linear("region.2", _gelu(self._linear("region.0", given.region[None])))
+        r = self._linear("region.2", gelu(self._linear("region.0", given.region[None])))
         c = self._linear("part", given.part[None]) + self._linear("material", given.material[None])
         c = c + self._linear("said", np.concatenate([given.matter, given.order], axis=1)[None])
         kind = self.tensors["kind"]
@@ -218,7 +219,7 @@ class RegionNetwork:
             weight = _softmax(q @ k.swapaxes(-1, -2) / (width // HEADS) ** 0.5 + bias)
             mixed = (weight @ v).swapaxes(1, 2).reshape(nets, n, width)
             x = x + self._linear(f"{at}.out", mixed)
-            inner = _gelu(self._linear(f"{at}.inner", self._norm(f"{at}.between", x)))
+            inner = gelu(self._linear(f"{at}.inner", self._norm(f"{at}.between", x)))
             x = x + self._linear(f"{at}.outer", inner)
         r = self._norm("regions_out", x[:, :regions])[:, :, None]
         c = self._norm("clauses_out", x[:, regions:])[:, None]
@@ -226,7 +227,7 @@ class RegionNetwork:
         evidence = np.broadcast_to(given.evidence, (nets, *given.evidence.shape))
         both = [np.broadcast_to(r, shape), np.broadcast_to(c, shape), r * c, evidence]
         pairs = np.concatenate(both, axis=-1).reshape(nets, regions * shape[2], -1)
-        logit = self._linear("pair.2", _gelu(self._linear("pair.0", pairs)))
+        logit = self._linear("pair.2", gelu(self._linear("pair.0", pairs)))
         logit = logit.reshape(nets, regions, -1)
         logit = logit + (evidence * self.tensors["looks.weight"][:, None]).sum(axis=-1)
         return _softmax(logit).mean(axis=0)
@@ -248,12 +249,6 @@ def standardised(
     x = (values - np.asarray(mean)) / np.asarray(deviation)
     flag = np.full((len(x), 1), float(shells))
     return np.concatenate([x.clip(-OUTLIER, OUTLIER), flag], axis=1).astype(np.float32)
-
-
-def _gelu(x: np.ndarray) -> np.ndarray:
-    from scipy.special import erf
-
-    return x * (0.5 + 0.5 * erf(x / np.sqrt(2, dtype=np.float32)))
 
 
 def _softmax(x: np.ndarray) -> np.ndarray:

@@ -93,7 +93,7 @@ def divided(
     plain, region = (
         np.unique(x[mine], return_inverse=True)[1].ravel() for x in (regions.plain, regions.region)
     )
-    ours = Regions(regions.cells[mine], regions.looks[mine], plain, region)
+    ours = Regions(regions.cells[mine], regions.looks[mine], plain, region, regions.shells)
     found = divide(ours, said, encoder=encoder, table=table)
     owner, share, notes = found.owner, found.share, ()
     if found.certainty < WHOLE:

@@ -39,7 +39,11 @@ def segment(
     if shell is not None:
         label = label * (int(shell.max()) + 1) + shell
     label = _thick_apart(cells, _connected(cells, label))
-    label = _connected(cells, label)
+    return largest_first(_connected(cells, label))
+
+
+def largest_first(label: Int[np.ndarray, "n"]) -> Int[np.ndarray, "n"]:
+    """Labels numbered anew, from 0, that of most cells first."""
     order = np.argsort(-np.bincount(label), kind="stable")
     return np.argsort(order)[label]
 

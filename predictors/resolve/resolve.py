@@ -640,7 +640,8 @@ class Decider:
             notes.append(Note("resolve.part_text", **said))
         doubts = dict.fromkeys(statement.all("doubts"))
         notes += [_of_parts(doubt, [part.name]) for doubt in doubts]
-        return replace(choice, unknown=statement.unknown), (*notes, *warnings)
+        unknown = None if choice.row in [*load_contents()] else statement.unknown
+        return replace(choice, unknown=unknown), (*notes, *warnings)
 
     def of_clause(self, part: str, clause: Clause, why: str) -> PartChoice:
         """Choose for a part what a clause names, a predictor having found the part for it."""
@@ -698,6 +699,9 @@ class Decider:
             return _choice(
                 part, row, Note("resolve.covers", coating=coating), guessed=True, doubts=(doubt,)
             )
+        words_for = statement.unknown.unknown if statement.unknown else ""
+        if loose := load_contents().phrases.get(key(words_for)):  # "the filling is sawdust"
+            return _choice(part, loose, f"text: {words_for!r}", clause=deciding)
         level = statement.first("stiffness") or statement.first("density")
         if deciding is None or (statement.unknown is not None and not level):
             # Choose the row nearest in meaning to the part's name; the common ones if all are far

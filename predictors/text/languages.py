@@ -118,7 +118,7 @@ def glossed(cut: list[Atom], lexicon: ReaderLexicon, known: Collection[str]) -> 
         read = {i for i, word in words if language.of((word,))}
         called = {i for i, word in words if word in names}
         own = len(read - english) - len(english - read - called)
-        if own > most and own >= len({i for i, _ in words} - read - english - called):
+        if own > most and 2 * own >= len({i for i, _ in words} - read - english - called):
             best, most = language, own
     if best is None:
         return None

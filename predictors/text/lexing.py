@@ -11,7 +11,7 @@ from __future__ import annotations
 import csv
 import re
 import runpy
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from importlib.util import find_spec
@@ -653,13 +653,15 @@ _SPACED = r"\s{2,}"  # columns that are aligned
 _UNIT = re.compile(r"(?i)(?<![a-z])([kmg]?pa)(?![a-z])|(?<![a-z])(k?g)[ /]?([cd]?m)[³3]")
 
 
-def without_tables(text: str) -> str:
+def without_tables(text: str, names: Collection[str] = ()) -> str:
     """Return a text whose tables have become sentences, a row each.
 
     A table begins with a line that names its columns, one of them of parts and another of what
     these are of; columns of prices, numbers and the like are left out. Of numbers the unit may
-    stand in the name of their column.
+    stand in the name of their column. A row without such a line begins with one of the parts'
+    ``names``.
     """
+    known = {name.lower() for name in names}
     lines, out = text.splitlines(), list[str]()
     while lines:
         head, *lines = lines
@@ -682,7 +684,10 @@ def without_tables(text: str) -> str:
             lines = lines[count:]
             break
         else:
-            out.append(head)
+            cut = [_cells(head, sign) for sign in ";\t|" if "\n" in text]
+            row = next((r for r in cut if len(r) > 1 and known & {r[0].lower()}), [])
+            plain = row and not known & {cell.lower() for cell in row[1:]}
+            out.append(f"{row[0]}: {', '.join(row[1:])};" if plain else head)
     return "\n".join(out)
 
 

@@ -58,7 +58,7 @@ def parse(text: str, table: MaterialTable, names: Sequence[str] = ()) -> Sentenc
     """
     if len(text) > LONGEST:
         raise UsageError("reader.text_characters", count=len(text), longest=LONGEST)
-    lexicon, text = lexicon_of(table), without_tables(text)
+    lexicon, text = lexicon_of(table), without_tables(text, names)
     lexed = lex(text, lexicon, names)
     lexed.lexemes = point_back(one_of(lone_grades(bare_numbers(lexed.lexemes))))
     lexed.lexemes = same_again(lexed.lexemes, lexicon)
@@ -81,7 +81,11 @@ def parse(text: str, table: MaterialTable, names: Sequence[str] = ()) -> Sentenc
     states = {*words()["states"]["words"]}
     aside = [
         x.text for x in lexed.lexemes
-        if (x.role == "material" or not x.known or x.text.lower() in states) and not x.part
+        if (
+            x.role == "material" or not x.known or x.text.lower() in states
+            or (x.role == "word" and not lexicon.model.is_word(x.text.lower()))  # "moly faced"
+        )
+        and not x.part
         and not any(a <= x.start < b for a, b in (clause.span for clause in clauses))
         and x.text.lower() not in told
     ]  # fmt: skip

@@ -90,6 +90,7 @@ DRESSES = (
 )  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("k", [0, 3, 15])
 @pytest.mark.parametrize("dress", DRESSES)
 def test_splats_in_every_dress_are_the_same_splats(tmp_path, dress, k):

@@ -221,6 +221,7 @@ def test_usd_has_y_or_z_up(tmp_path, up):
     assert (turned > 0).all()  # no mirror
 
 
+@pytest.mark.slow
 @pytest.mark.blockers
 @pytest.mark.parametrize("up", get_args(UpAxis))
 def test_gravity_and_ground_of_a_scene_are_against_up(tmp_path, up):

@@ -46,6 +46,7 @@ def splats_on(mesh, *, count, size):
     return PointTable(columns)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("thin", "count"),
     [

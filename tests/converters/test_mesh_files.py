@@ -50,6 +50,7 @@ def assert_equal(a: TetMesh, b: TetMesh):
             np.testing.assert_array_equal(getattr(a.material, name), getattr(b.material, name))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", BOTH)
 @in_one_folder
 @given(seed=SEEDS, size=SIZES, names=NAMES)
@@ -99,6 +100,7 @@ def test_hostile_files_end_in_a_clear_error(tmp_path):
             read_mesh(path)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", BOTH)
 @settings(in_one_folder, max_examples=25)
 @given(cut=st.floats(0.01, 0.97))

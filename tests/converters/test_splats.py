@@ -65,6 +65,7 @@ def assert_precise(name, k, tmp_path):
     assert ("f_rest_0" in columns) == bool(k), name
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CASES)
 @settings(
     max_examples=20, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]

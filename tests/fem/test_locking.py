@@ -127,6 +127,7 @@ def test_a_motion_of_a_coarse_bar_takes_elements_that_bend():
     assert "too coarse for linear elements" in locking(few).sentence
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", Subspace)
 def test_a_reduced_body_of_a_coarse_beam_bends(kind):
     """Its tip sags by q L^4 / 8 E I and rings as Euler & Bernoulli say, within 1 %.

@@ -120,6 +120,7 @@ def test_what_lies_outside_the_span_is_told(model):
     assert found.error == pytest.approx(found.outside, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_nu_beyond_its_limit_is_told(model):
     """Of a nu that the fit may not reach it takes the nearest one, and says so."""
     found = fit_motion(model, twin(model, scale=1.0, nu=0.4975, frames=6), with_nu=True)

@@ -183,6 +183,17 @@ def test_a_tet_alone():
     assert error < told.bound
 
 
+@pytest.mark.parametrize("cells", [(3, 3, 2), (2, 4, 4)])
+def test_the_bound_of_flat_cells(cells):
+    """Cells of 1:13 and 1:40, where the surplus creeps: the true error stays within the bound."""
+    scene = beam(cells, (1.0, 1.0, 0.05))
+    one, fine = rest(scene), rest(finer(scene))
+    error = fine.max_displacement / one.max_displacement - 1
+    told = one.discretisation_error
+    assert error < told.bound
+    assert told.value < 2 * error
+
+
 def test_the_frequency_of_a_beam():
     """The first frequency beside that of edges a quarter as long."""
     scene = replace(beam((5, 1, 1)), modes=1)

@@ -43,6 +43,7 @@ def _iterations(n, contrast, layout):
     return solve_static(body, held, gravity_vector=(0, 0, -9.81), order=1).iterations
 
 
+@pytest.mark.slow
 def test_contrast_hardly_adds_iterations(iterative):
     """From contrast 1 to 1e8 the iterations grow less than 2.5-fold."""
     for layout in ("layer", "legs", "random"):

@@ -73,6 +73,7 @@ def test_its_bar(law, order):
     assert result.reaction[side, 0].sum() == pytest.approx(stretch * E * green, rel=1e-7)
 
 
+@pytest.mark.slow
 def test_it_moves(law):
     """A scenario takes it by its name."""
     mesh = shaken_box((0.1,) * 3, (1, 1, 1), E=1e6, nu=0.4, rho=1000)

@@ -75,6 +75,7 @@ def test_a_scene_is_that_of_the_body_turned_over(name, up):
         assert heights.min() >= -1e-12  # the ground is below the body
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("up", DOWNWARDS)
 def test_it_sags_as_the_body_turned_over(up):
     """And it stands as firmly; the particles' room reaches the ground."""

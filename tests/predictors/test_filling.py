@@ -75,6 +75,7 @@ def test_nearest_known_stays_in_its_part():
     assert nearest_known(cells, known, label=label).tolist() == [0, 3, 0, 3, 3, 3]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "mesh",
     [

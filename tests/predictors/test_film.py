@@ -84,6 +84,7 @@ def test_masked_norm_sees_occupied_voxels_alone():
     torch.testing.assert_close(inner, norm(x, mask), atol=1e-5, rtol=1e-5)
 
 
+@pytest.mark.slow
 def test_film_starts_as_the_identity():
     """gamma = 1 + delta with delta = beta = 0 at the start: modulation changes nothing."""
     block = FilmBlock(8, 5)
@@ -119,6 +120,7 @@ def test_fine_stage_starts_as_the_coarse_network():
     torch.testing.assert_close(fine.values, doubled, atol=1e-5, rtol=1e-5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("conditioning", ["grounded", "global", "concat", "crossattn"])
 def test_values_are_bounded_and_trainable(conditioning):
     """Outputs lie in (-1, 1) and the loss reaches the text for every row of the ablation."""

@@ -11,6 +11,7 @@ def voxels(part) -> PartVoxels:
     return PartVoxels(Grid(np.zeros(3), 0.01, part.shape), part, names)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("up", ["x", "y", "z"])
 def test_up_to_64_cells_are_seen_one_by_one(up):
     """Each slice along each axis a part of its own: all come into the frame and back again."""

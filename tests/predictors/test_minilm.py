@@ -5,7 +5,7 @@ import sys
 
 import numpy as np
 import pytest
-from autophyx_tet.predictors.encoders.minilm import MAX_TOKENS, MiniLM, _gelu, packaged_weights
+from autophyx_tet.predictors.encoders.minilm import MAX_TOKENS, MiniLM, gelu, packaged_weights
 from autophyx_tet.research.on_device import minilm
 
 from .torchvision import with_operators
@@ -42,13 +42,13 @@ def test_near_meanings_are_near(encoder):
     assert a @ b > a @ c + 0.2
 
 
-def test_gelu_is_the_exact_one():
+def testgelu_is_the_exact_one():
     """GELU(x) = x Phi(x), against scipy's erf."""
     from scipy.special import erf
 
     x = np.linspace(-9, 9, 4001, dtype=np.float32)
     exact = x * (1 + erf(x.astype(np.float64) / np.sqrt(2))) / 2
-    np.testing.assert_allclose(_gelu(x), exact, atol=1e-6)
+    np.testing.assert_allclose(gelu(x), exact, atol=1e-6)
 
 
 def test_a_cold_process_embeds_a_sentence_without_torch():

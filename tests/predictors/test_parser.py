@@ -96,6 +96,7 @@ def test_stems():
     assert name_words("BedFrame_01.Legs") == ["bed", "frame", "leg"]
 
 
+@pytest.mark.slow
 @settings(max_examples=200, deadline=None)
 @given(st.text(max_size=200) | st.lists(st.sampled_from(
     "oak steel foam legs seat the is of , . and with which : soft not leaves 10 cm".split()

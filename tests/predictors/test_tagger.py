@@ -23,6 +23,7 @@ LEXICON = {
 }
 
 
+@pytest.mark.slow
 def test_spans_of_made_texts_are_words_of_their_text_and_owned_by_parts_of_the_asset():
     maker = Generator(MATERIALS, LEXICON, 3)
     for _ in range(300):
@@ -36,6 +37,7 @@ def test_spans_of_made_texts_are_words_of_their_text_and_owned_by_parts_of_the_a
             assert {*span.owners} <= {*range(len(example.names))}
 
 
+@pytest.mark.slow
 def test_a_made_text_tells_apart_what_a_part_is_and_what_it_is_not():
     """Each form of replacement has both; and one word is never both for one part."""
     maker, seen = Generator(MATERIALS, LEXICON, 5), 0
@@ -54,6 +56,7 @@ def test_the_same_seed_makes_the_same_texts_and_another_others():
     assert texts[0] == texts[1] != texts[2]
 
 
+@pytest.mark.slow
 def test_all_languages_and_roles_are_made():
     maker, languages, roles = Generator(MATERIALS, LEXICON, 11), set(), set()
     for _ in range(600):
@@ -116,6 +119,7 @@ def test_the_shipped_tagger_tells_parts_what_is_said_of_them():
     assert said("asiento pata_1", "la pata es de roble y lo demás de cuero") == ["cuero", "roble"]
 
 
+@pytest.mark.slow
 def test_what_stands_far_away_in_a_long_text_changes_nothing():
     """Windows: 3,000 characters of facts about nothing, before and after."""
     facts = "It was delivered on a Monday and everybody liked it. " * 30

@@ -68,6 +68,7 @@ def test_a_line_is_found():
     assert reports[-1]["loss"] < 1e-2 * reports[0]["loss"]
 
 
+@pytest.mark.slow
 def test_resume_is_exact(tmp_path):
     """Ten steps, a pause and ninety more end at the very weights of a hundred without a pause."""
     whole = fitted()

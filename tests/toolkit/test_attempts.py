@@ -153,6 +153,7 @@ def test_no_mesh_is_handed_out_that_breaks_its_guarantees(monkeypatch):
     assert set(report.failed) <= set(report.warnings)
 
 
+@pytest.mark.slow
 def test_beads_follow_where_no_lattice_that_fits_keeps_a_part_whole(monkeypatch):
     """Two lattices cut a part, a third would be too large: the second again, with beads."""
     asked = []

@@ -58,6 +58,7 @@ def test_time_limit_kills():
     assert failure.value.kind == "time"
 
 
+@pytest.mark.slow
 def test_a_killed_engine_is_a_crash():
     """SIGKILL while it works, as the kernel does for memory: named, and no process is left."""
     ours = Path(f"/proc/{os.getpid()}/task/{threading.get_native_id()}/children")
@@ -83,6 +84,7 @@ def test_crash_is_told_apart_from_an_error():
     assert failure.value.kind == "error"
 
 
+@pytest.mark.slow
 def test_memory_limit_holds():
     """100 MiB do not hold the engine's libraries: it ends at once, and not by the time limit."""
     with pytest.raises(ChildFailure) as failure:

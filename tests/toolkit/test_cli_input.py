@@ -155,6 +155,7 @@ def test_simulate_without_material_says_what_to_do(call, cube_msh, tmp_path):
     assert "assign" in done.stderr
 
 
+@pytest.mark.slow
 def test_unknown_option_is_exit_2(cube):
     assert run_cli("convert", cube, "--frobnicate").returncode == 2
 
@@ -178,6 +179,7 @@ def test_stdout_holds_one_thing(cube_msh, tmp_path):
         assert "stdout" in done.stderr
 
 
+@pytest.mark.slow
 def test_a_sentence_without_its_option_is_told_the_way(cube_msh, tmp_path):
     done = run_here("assign", cube_msh, "the cube is oak", "-o", tmp_path / "m.msh")
     assert done.returncode == 2
@@ -207,6 +209,7 @@ def test_narrow_terminals_get_whole_sentences(encoding, cube_msh, tmp_path, monk
     assert b"tets" in out.buffer.getvalue()
 
 
+@pytest.mark.slow
 def test_info_tells_size_and_matter(cube_msh, tmp_path, capsys):
     """Sides [m], and E, nu and rho once a mesh has them; what is not there is not a suffix."""
     assert main(["info", str(cube_msh)]) == 0

@@ -83,6 +83,7 @@ def test_meshes_are_no_carriers(tmp_path):
     assert not is_carrier(tmp_path / "box.glb")
 
 
+@pytest.mark.slow
 def test_a_sparse_cloud_gets_cells_that_it_closes(tmp_path):
     """Of 2,000 points the cells are so large that the ball's inside is still enclosed."""
     points, _ = sphere(2_000)

@@ -121,6 +121,7 @@ def _damaged(suffix, keep, strikes):
     return bytes(data)
 
 
+@pytest.mark.slow
 @given(DAMAGE)
 @settings(max_examples=60, deadline=None, suppress_health_check=QUIET)
 def test_damaged_carriers_and_meshes(tmp_path, damage):

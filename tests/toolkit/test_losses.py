@@ -89,6 +89,7 @@ def rosette(count=14):
     return trimesh.util.concatenate(leaves)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("gap", [0.0, 1e-3])
 def test_a_ball_in_forty_patches_is_a_ball(gap):
     """Torn, wound at random, with and without gaps: 4/3 pi, but for the flat triangles."""
@@ -98,6 +99,7 @@ def test_a_ball_in_forty_patches_is_a_ball(gap):
     assert volume_of(ready) == pytest.approx(ball.volume, rel=0.03)
 
 
+@pytest.mark.slow
 def test_a_body_whose_pieces_run_into_each_other_is_one_body():
     """Legs without lids in a closed trunk: what both enclose together, no piece is dropped."""
     pieces = pig()

@@ -59,6 +59,7 @@ def test_a_volume_is_sampled_once_for_all_lattices():
     )
 
 
+@pytest.mark.slow
 def test_a_search_that_begins_where_one_ended_is_over_at_once(monkeypatch):
     """The second lattice of one body, with beads or none, needs one pass."""
     rod = turned(trimesh.creation.cylinder(0.04, 1, sections=48))

@@ -75,6 +75,7 @@ def test_a_cube_rebounds_as_by_fine_steps_or_in_doubt():
         assert outcome in ("doubtful", "not made")
 
 
+@pytest.mark.slow
 def test_what_falls_past_all_obstacles_is_told():
     """Upwards it meets no ground: nothing of an impact is known, and that is no pass."""
     mesh = matter(box_mesh((0.1, 0.1, 0.1), (1, 1, 1)), 1e6, 1000.0)
@@ -82,6 +83,7 @@ def test_what_falls_past_all_obstacles_is_told():
     assert (contact.outcome, "no obstacle" in contact.sentence) == ("not made", True)
 
 
+@pytest.mark.slow
 def test_supports_carry_what_the_momentum_lacks():
     """A bar let go at its clamp: R - m g is what its momentum changes by, step by step.
 
@@ -101,6 +103,7 @@ def test_supports_carry_what_the_momentum_lacks():
     assert clamp["largest"] > 1.2 * weight  # it swings
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("solver", ["fem", "lbs", "mpm"])
 def test_an_obstacle_inside_the_body_is_refused(solver):
     """A ball wholly inside touches no face; it is in the body all the same."""
@@ -154,6 +157,7 @@ def test_a_cantilever_of_particles_bends_as_the_elements_do():
     assert found.displacement[end, 2].mean() == pytest.approx(tets, rel=0.05)
 
 
+@pytest.mark.slow
 def test_a_torque_turns_particles_as_it_does_elements():
     """They lie within the surface that it acts on, and have its moment all the same: 3 %."""
     mesh = matter(box_mesh((0.3, 0.1, 0.1), (12, 4, 4)), 1e5, 1000.0)
@@ -167,6 +171,7 @@ def test_a_torque_turns_particles_as_it_does_elements():
     assert turned == pytest.approx(wanted, rel=0.03)
 
 
+@pytest.mark.slow
 def test_a_sheet_thinner_than_a_cell_is_held_and_stays():
     """A millimetre on a grid of 19: as many particles as cubes that it meets, none leaves."""
     mesh = matter(box_mesh((0.3, 0.2, 0.001), (6, 4, 1)), 1e6, 1000.0)

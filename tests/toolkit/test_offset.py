@@ -130,6 +130,7 @@ def test_bottle_leaves_the_analytic_volume(wall):
     assert volume == pytest.approx(outer - inner, rel=0.02)
 
 
+@pytest.mark.slow
 def test_cupboard_with_doors_leaves_the_analytic_volume():
     """Only the carcass is hollowed; its doors, named by nobody, stay solid plates."""
     asset = _cupboard()

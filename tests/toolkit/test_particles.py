@@ -1,27 +1,34 @@
 """Simulate --solver mpm: options, files, page, picture, splats that follow, failures."""
 
 import json
+import re
 from base64 import b64decode
+from dataclasses import replace
 from io import BytesIO
 
 import numpy as np
 import pytest
+import trimesh
 from autophyx_tet.converters import npz
 from autophyx_tet.converters.mesh.meshdata import write_mesh
 from autophyx_tet.converters.mesh.vtk import read_pvd
 from autophyx_tet.converters.npz import load_npz, save_npz
 from autophyx_tet.converters.points.table import read_points, write_points
-from autophyx_tet.fem.errors import UsageError
+from autophyx_tet.fem.errors import NoVolumeError, UsageError
 from autophyx_tet.fem.material import ElementMaterial
 from autophyx_tet.fem.mesh import TetMesh, box_mesh
 from autophyx_tet.fem.mpm.materials import MaterialClass, triaxial_friction
 from autophyx_tet.fem.table import load_contents, load_flows, load_table
+from autophyx_tet.predictors.asset import Asset, Part
 from autophyx_tet.predictors.field import MaterialField
 from autophyx_tet.predictors.grid import Grid
 from autophyx_tet.toolkit.cli.main import main
+from autophyx_tet.toolkit.meshing import convert as conversion
+from autophyx_tet.toolkit.meshing.ftetwild import NoFilling
+from autophyx_tet.toolkit.meshing.particles import filled
 from autophyx_tet.toolkit.options import SimulateOptions
-from autophyx_tet.toolkit.pipeline import simulate
-from autophyx_tet.toolkit.simulation.scenario import flowing_substances, substances
+from autophyx_tet.toolkit.pipeline import assign, convert, simulate
+from autophyx_tet.toolkit.simulation.scenario import flowing_substances, particle_method, substances
 from PIL import Image
 
 from ..converters.test_driving import splats
@@ -180,6 +187,41 @@ def test_splats_that_carry_a_material_need_no_mesh(shell, tmp_path, capsys):
     assert fell == pytest.approx(-10 * 9.81 * 0.08**2 / 2, rel=0.02)
 
 
+def no_mesh(solids, target, runner):
+    """A mesher that gives up."""
+    raise NoFilling("the engine gave up")
+
+
+@pytest.mark.slow
+def test_a_surface_that_gives_no_mesh_is_a_body_of_particles(tmp_path, monkeypatch):
+    """Cubes with the volume of every part, told in a line; they fall by g t^2 / 2, by MPM alone."""
+    own = {"ftetwild": no_mesh, "stuffing": no_mesh, "particles": filled}
+    monkeypatch.setattr(conversion, "MESHERS", own)
+    ball, post = trimesh.creation.icosphere(3, 0.5), trimesh.creation.box((0.1, 0.1, 0.6))
+    post.apply_translation((0, 0, 0.8))
+    asset = Asset("lolly", (Part("ball", ball), Part("post", post)))
+    limits = {"max_tets": 10_000, "no_cache": True}
+    with pytest.raises(NoVolumeError, match=r"no tet mesh after.*gave up.*--mesher particles"):
+        convert(asset, **limits)
+    # As `run --solver mpm` asks for it
+    made = convert(asset, mesher="auto-or-particles", output=tmp_path / "lolly.msh", **limits)
+    told = [line for line in made.warnings if "particles" in line]
+    assert re.search(r"no tet mesh .*gave up.*cubes of .*--solver mpm.*steps up to", told[0])
+    assert len(told) == 1
+    volumes = pytest.approx([ball.volume, post.volume], rel=0.05)  # 20 cubes, 8 places in each
+    assert made.mesh.region_volumes() == volumes
+    away = made.mesh.volumes @ made.mesh.centroids / made.mesh.volume
+    assert abs(away[:2]).max() < 0.1 * made.report.edge_length  # on the axis
+    body = assign(tmp_path / "lolly.msh", "jelly", output=tmp_path / "jelly.msh")
+    assert body.mesh.mass == pytest.approx(sum(body.mesh.material.rho * body.mesh.volumes))
+    with pytest.raises(UsageError, match=r"body of particles.*--solver mpm.*gave up"):
+        simulate(tmp_path / "jelly.msh", scenario="sag")
+    moved = simulate(tmp_path / "jelly.msh", scenario="fall", solver="mpm", grid=8).animation
+    _, once, twice = moved.displacement[:3, :, 2]
+    # x(2 t) - 2 x(t) = -g t^2, whatever the steps; in single precision
+    assert twice - 2 * once == pytest.approx(-9.81 * moved.times[1] ** 2, rel=1e-3)
+
+
 def test_voxels_are_refused_where_elements_would_solve(shell, tmp_path):
     with pytest.raises(UsageError, match="no mesh: --solver mpm"):
         simulate(shell, scenario="sag")
@@ -201,6 +243,7 @@ def test_a_run_that_fails_exits_with_6_and_leaves_its_log(bar, tmp_path, capsys,
     assert not out.exists()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("options", "code", "why"),
     [
@@ -395,6 +438,16 @@ def test_a_part_that_flows_by_its_material_needs_no_word():
     found, notes = flowing_substances({"dab": "mud"}, {})
     assert not found
     assert "the tables know no yield_stress of it: elastic;" in notes[0]
+
+
+@pytest.mark.parametrize(("slope", "angle"), [(0.3266, 30.0), (0.6, 53.7), (0.9, 90.0)])
+def test_a_slope_of_sand_is_told_as_an_angle(slope, angle):
+    """.6, the tangent of 31 degrees, is a slope of 54: a heap of it runs out half as far."""
+    options = SimulateOptions(matter=(f"heap=sand,friction={slope}",))
+    (note,) = particle_method(options, {"heap": "like dry sand"}).notes
+    assert note.kind == "scenario.slope"
+    assert note.values["angle"] == pytest.approx(angle, abs=0.05)
+    assert not particle_method(replace(options, matter=("heap=jelly",)), {"heap": "oak"}).notes
 
 
 @pytest.mark.slow

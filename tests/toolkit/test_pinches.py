@@ -50,6 +50,7 @@ def test_two_hollow_cells_that_touch_in_a_corner_are_two_cavities(reach):
     assert after.points.max() == before.points.max()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(12))
 def test_boundaries_of_random_holes_are_manifold(seed):
     """Tets missing at random: cavities that touch in vertices and edges, alone or several of them.

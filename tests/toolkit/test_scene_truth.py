@@ -52,6 +52,7 @@ def arc(r, y):
     return y * np.sqrt(r * r - y * y) + r * r * np.arcsin(y / r)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("place", "area"),
     [

@@ -87,6 +87,7 @@ def test_sides_with_cracks_enclose_together_and_foliage_does_not():
     assert not Solids.of(repair([foliage])[0], 1, thinnest=1e-6).shells
 
 
+@pytest.mark.slow
 @given(st.integers(0, 2**31), st.booleans())
 @settings(max_examples=20)
 def test_the_part_of_a_point_does_not_depend_on_the_others(seed, inner_first):

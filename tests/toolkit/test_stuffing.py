@@ -53,6 +53,7 @@ def test_a_box_in_line_is_exact():
     assert mesh.volume == pytest.approx(0.15, rel=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(2))
 def test_a_tilted_box_keeps_its_corners(seed):
     """Unsnapped they are .7 edges off; then each is a node, but for one where angles forbid it."""

@@ -94,6 +94,7 @@ def test_a_command_ends_within_two_seconds_of_a_signal(tmp_path, kind, number):
     nothing_left(tmp_path)
 
 
+@pytest.mark.slow
 def test_other_ends_are_told_as_they_are(tmp_path):
     """A crash of native code: one line that names the signal; an exit code: itself."""
     code, err = ended(fake("crashes", tmp_path))
@@ -126,6 +127,7 @@ def test_a_killed_command_leaves_nothing(tmp_path):
     nothing_left(tmp_path)
 
 
+@pytest.mark.slow
 def test_what_a_killed_supervisor_leaves_the_next_one_removes(tmp_path):
     """SIGKILL to the supervisor: the command dies too; its files go with the next command's."""
     process = fake("hears", tmp_path)

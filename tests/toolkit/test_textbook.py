@@ -257,6 +257,7 @@ def test_stone_is_crushed_by_its_own_weight_at_its_height():
     assert safety.side == "compression"
 
 
+@pytest.mark.slow
 def test_a_squeezed_block_pushes_back_with_its_modulus():
     """E A e of a block of nu 0, which plates that rub do not widen; 2 %: e is not small."""
     mesh = uniform(box_mesh((0.1, 0.1, 0.1), (2, 2, 2)), E=1e6, nu=0.0)

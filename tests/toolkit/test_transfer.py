@@ -93,6 +93,7 @@ def test_splats_carry_the_values_of_the_mesh(cli, folder):
     assert document["warnings"] == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("given", [True, False])
 def test_a_carrier_in_units_of_its_own_is_met_in_metres(given, cli, folder):
     """Splats in mm: told by --scale, or known since they are the asset of the mesh."""
@@ -174,6 +175,7 @@ def test_binning_says_what_it_changed(cli):
     assert "grouped into 2" in " ".join(err.split())
 
 
+@pytest.mark.slow
 def test_what_the_files_do_not_hold_is_a_warning(cli, folder):
     """Regions that a program does not know, and faces of a PLY that another format has not."""
     mesh = oak_box()

@@ -21,6 +21,7 @@ def found(result):
     return {check.name: check for check in result.verdicts()}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "options",
     [
@@ -99,6 +100,7 @@ def test_forces_stand_by_place(capsys):
     assert "100 N along -z" in out.replace("\u00a0", " ")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", ["linear", "neohookean", "corotated"])
 def test_the_law_that_was_taken_is_told(law):
     """At rest a law that is asked for is followed, and stands in the document."""
@@ -116,6 +118,7 @@ def test_a_check_has_its_numbers_in_json():
     assert (row["value"], row["unit"], row["parameter"]) == (pytest.approx(0.3), "m", "size")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("cells", [10, 20])
 def test_a_strength_beside_an_inner_corner_is_in_doubt(cells):
     """An L of steel passes by 1.17 and 1.02, and yields as its mesh is refined: it never passes."""

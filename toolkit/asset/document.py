@@ -233,6 +233,7 @@ class BodyRecord:
     differences: What the mesh has otherwise than its file.
     size_stated: Whether the user gave the size or the unit of the file.
     guesses: Parts whose material is a guess.
+    particles: Whether it is cubes, since no mesh of its surface was to be had.
     """
 
     materials: Mapping[str, str] = field(default_factory=dict)
@@ -242,6 +243,7 @@ class BodyRecord:
     differences: tuple[str, ...] = ()
     size_stated: bool = False
     guesses: tuple[str, ...] = ()
+    particles: bool = False
 
     @classmethod
     def of(cls, sidecar: Sidecar | None) -> BodyRecord:
@@ -263,13 +265,13 @@ class BodyRecord:
             differences=tuple(report.get("differences", ())),
             size_stated=sidecar.source.get("size_stated", False),
             guesses=tuple(part["name"] for part in parts if is_guess(part)),
+            particles=report.get("mesher") == "particles",
         )
 
     def of_other_materials(self, materials: Mapping[str, str]) -> BodyRecord:
         """Return the record with other rows: what was found of the parts' own goes."""
-        return BodyRecord(
-            materials=materials, differences=self.differences, size_stated=self.size_stated
-        )
+        kept = {name: getattr(self, name) for name in ("differences", "size_stated", "particles")}
+        return BodyRecord(materials=materials, **kept)
 
 
 def is_guess(part: Mapping[str, Any]) -> bool:

@@ -46,7 +46,7 @@ from .guarantees import (
     measure_distances,
     mesh_losses,
 )
-from .meshers import AUTO, FTETWILD, MESHERS, STUFFING, chosen_mesher
+from .meshers import AUTO, FTETWILD, MESHERS, OR_PARTICLES, PARTICLES, STUFFING, chosen_mesher
 from .messages import differences, left_out, likely_hollow, listed, no_mesh, no_volume, said
 from .quality import Quality, quality
 
@@ -86,7 +86,8 @@ def tetrahedralize(
     """Fill an asset [m] with tets, a region for each part: the mesh [m] and a report of proofs.
 
     mesher: Name in ``MESHERS``, or "auto": "stuffing" if sampled, and where fTetWild takes minutes.
-        "ftetwild" keeps epsilon, "stuffing" good angles and the volume, in seconds.
+        "ftetwild" keeps epsilon, "stuffing" good angles and the volume, in seconds; "particles"
+        are cubes, which "auto-or-particles" takes where no mesh keeps its guarantees.
     edge_length_rel, epsilon_rel: Wanted edge, by default .05 or ``LATTICE_TETS`` tets in a lattice,
         and largest distance between the boundary and the input, as shares of the diagonal of the
         bounding box.
@@ -104,6 +105,8 @@ def tetrahedralize(
         meanwhile.
     Raises NoVolumeError where no part encloses a volume or no mesh keeps its guarantees.:
     """
+    particles = mesher == OR_PARTICLES
+    mesher = AUTO if particles else mesher
     asset, floaters, floating = without_floaters(asset, keep)
     diagonal, rng = float(np.linalg.norm(asset.size)), np.random.default_rng(seed)
     rel = edge_length_rel if edge_length is None else edge_length / diagonal
@@ -160,6 +163,11 @@ def tetrahedralize(
         other, more = mesh_within(free)
         best = other if best is None or (other and not other.broken) else best
         attempts += more
+    if particles and (best is None or best.broken):
+        free = replace(problem, target=replace(target, edge_is_given=False), mesher=PARTICLES)
+        other, more = mesh_within(free)
+        if other is not None and not other.broken:
+            best, attempts = other, attempts + more
     if best is None or (best.broken and not accept_broken):
         raise NoVolumeError(no_mesh(asset, attempts))
     report = _report(problem, best, attempts, solid, seed)
@@ -176,6 +184,7 @@ def _report(
 ) -> ConversionReport:
     """Everything that the conversion promises, and what a user would not expect."""
     asset, ready, mesh, filling = problem.asset, problem.ready, made.mesh, made.filling
+    by_cells = PARTICLES if attempts[-1].engine == PARTICLES else STUFFING
     names, walls, plates = asset.part_names, ready.preparation.walls, ready.solids.plates
     thin, count = ThinPieces(), len(plates.volume)
     if count:
@@ -212,7 +221,7 @@ def _report(
         mended_vertices=filling.mesh.mended,
         pinched=tuple(map(tuple, filling.mesh.pinched + asset.bounds.mean(axis=0))),
         layers=filling.target.layers,
-        mesher=FTETWILD if filling.lattice is None else STUFFING,
+        mesher=FTETWILD if filling.lattice is None else by_cells,
         beads=fit.beads,
         off_volume=named(fit.volume_errors, BAD_VOLUME),
         thin_parts=named(fit.thin_shares, THIN_SURFACE),
@@ -375,17 +384,18 @@ def make_mesh(problem: Problem) -> tuple[Made | None, tuple[Attempt, ...]]:
     for engine, aim, prepare in _ways(problem, record):
         if aim.beads and (best is None or not best.parted):
             continue
-        same = engine != STUFFING and aim is problem.target
+        by_tetwild = engine not in (STUFFING, PARTICLES)
+        same = by_tetwild and aim is problem.target
         if record and same and record[-1].outcome.startswith(NO_REPAIR_HELPS):
             continue
-        if best is not None and not best.broken and engine != STUFFING:
+        if best is not None and not best.broken and by_tetwild:
             break
         made, attempt = _tried(problem, engine, aim, prepare)
         record.append(attempt)
         if made is None:
             continue
         missed = made.broken or not made.distances.good(made.epsilon)
-        if problem.max_tets is None and engine != STUFFING and missed:
+        if problem.max_tets is None and by_tetwild and missed:
             # In a narrower envelope, for spikes and corners that this one cut off. It may take a
             # few times as long: an improvement, not worth a long wait.
             limit = TIGHTER_START + TIGHTER_TIME * attempt.seconds
@@ -413,7 +423,7 @@ def _tried(
     """One attempt, judged at ``epsilon`` [m], by default its own; None where it gave no mesh."""
     started, filling = time.process_time() + problem.runner.clock.seconds, None
     try:
-        mesher = MESHERS[STUFFING if engine == STUFFING else FTETWILD]
+        mesher = MESHERS[engine if engine in MESHERS else FTETWILD]
         filling = mesher(prepare(), aim, problem.runner)
         outcome, aim = "ok", filling.target
     except ChildFailure as failure:
@@ -455,6 +465,9 @@ def _ways(problem: Problem, record: Sequence[Attempt]) -> Iterator[Way]:
 
     if problem.mesher == STUFFING:
         yield from _lattices(problem)
+        return
+    if problem.mesher == PARTICLES:
+        yield PARTICLES, target, lambda: ready.solids
         return
     yield "tetwild", target, lambda: ready.solids
     yield "tetwild", target, welded_harder

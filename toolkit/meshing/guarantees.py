@@ -38,7 +38,7 @@ from ..asset.triangles import (
 )
 from .quality import Quality, corner_nodes, vertex_count
 
-Engine = Literal["tetwild", "alpha wrap + tetwild", "stuffing"]
+Engine = Literal["tetwild", "alpha wrap + tetwild", "stuffing", "particles"]
 BROKEN = "broken"  # begins the outcome of an attempt whose mesh breaks a guarantee
 # Of epsilon: the envelope that the engine gets. It keeps sampled points of its surface within that
 # distance of the input; between them the surface bulges, and where three faces meet in a right

@@ -21,18 +21,24 @@ class Mesher(Protocol):
         ...
 
 
-# Stuffing for surfaces that are samples themselves, and where fTetWild takes too long.
-AUTO = "auto"
-FTETWILD, STUFFING = "ftetwild", "stuffing"
+# Stuffing for surfaces that are samples themselves, and where fTetWild takes too long; particles
+# where neither gives a mesh and these will do.
+AUTO, OR_PARTICLES = "auto", "auto-or-particles"
+FTETWILD, STUFFING, PARTICLES = "ftetwild", "stuffing", "particles"
 MESHERS: Registry[Mesher] = Registry(
     "mesher",
     __package__ or "",
-    {FTETWILD: "ftetwild:run_engine", STUFFING: "stuffing.mesher:stuffed"},
+    {
+        FTETWILD: "ftetwild:run_engine",
+        STUFFING: "stuffing.mesher:stuffed",
+        PARTICLES: "particles:filled",
+    },
 )
 
 
 def chosen_mesher(name: str, *, sampled: bool) -> str:
     """Return ``name`` if it is a mesher; the automatic one of ``sampled`` surfaces is a lattice."""
+    name = AUTO if name == OR_PARTICLES else name
     if name not in (AUTO, *MESHERS):
         raise UsageError(MESHERS.unknown(name))
     return STUFFING if name == AUTO and sampled else name

@@ -18,7 +18,7 @@ from .guarantees import (
     ConversionReport,
     FileLosses,
 )
-from .meshers import STUFFING
+from .meshers import FTETWILD, PARTICLES, STUFFING
 
 MOST = 5  # names that a sentence lists, and sentences of a conversion
 # Kinds of what is left out: one sentence where there are more than so many.
@@ -29,7 +29,7 @@ FINEST = 1e-4  # of the diagonal: an epsilon that no engine keeps in an hour
 
 def said(report: ConversionReport, layers: int = 1, max_tets: int | None = None) -> tuple[str, ...]:
     """Sentences about whatever a user would not expect who asked for so many layers and tets."""
-    losses, distances, lattice = report.losses, report.distances, report.mesher == STUFFING
+    losses, distances, lattice = report.losses, report.distances, report.mesher != FTETWILD
     told: list[str] = [Note("messages.whole")] if report.whole else []
     holes, share = report.repair.closed_holes, distances.bridged_share
     if losses.capped > MOST_LOST:
@@ -49,7 +49,7 @@ def said(report: ConversionReport, layers: int = 1, max_tets: int | None = None)
         places = ["({:.3g}, {:.3g}, {:.3g}) m".format(*place) for place in report.pinched]
         at = ", ".join(places[:MOST]) + _more(len(places))
         told.append(Note("messages.pinched", count=pinched, at=at and f", around {at},"))
-    if lattice:
+    if report.mesher == STUFFING:
         edge = report.edge_length
         if report.attempts[0].engine != STUFFING:
             why = report.attempts[0].outcome.removeprefix("time: ")
@@ -72,7 +72,7 @@ def said(report: ConversionReport, layers: int = 1, max_tets: int | None = None)
     if report.hollow:
         told.append(Note("messages.hollow", parts=listed(report.hollow)))
     failed = [attempt.outcome for attempt in report.attempts if attempt.outcome != "ok"]
-    if failed:
+    if failed and report.mesher != PARTICLES:
         count, why = len(report.attempts), "; ".join(failed)
         told.append(Note("messages.attempts", failed=len(failed), count=count, why=why))
     asked, kept = report.asked_epsilon, report.epsilon
@@ -92,7 +92,15 @@ def differences(report: ConversionReport) -> tuple[str, ...]:
     told, edge = [*report.failed], f"the lattice's edge of {report.edge_length:.3g} m"
     finer = "a shorter --edge-length or --mesher ftetwild"
     thinnest = f"the lattice's edge ({report.epsilon:.3g} m)"
-    if report.mesher != STUFFING:
+    if report.mesher == PARTICLES:
+        tried = "; ".join(one.outcome for one in report.attempts if one.outcome != "ok")
+        why = f"no tet mesh was had ({tried}): " if tried else ""
+        size, volume = report.edge_length, report.quality.volume
+        known = {"size": size, "far": report.distances.largest, "cubes": round(volume / size**3)}
+        off = volume / report.input_volume - 1
+        told.append(Note("messages.particles", why=why, off=off, **known))
+        finer, thinnest = "a shorter --edge-length", f"a cube ({size:.3g} m)"
+    elif report.mesher != STUFFING:
         finer, thinnest = "a smaller --epsilon-rel", f"epsilon ({report.epsilon:.3g} m)"
     if report.part_losses:
         told.append(Note("messages.part_losses", parts=_places(report), finer=finer))

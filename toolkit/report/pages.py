@@ -50,7 +50,9 @@ from .picture import (
 
 log = logging.getLogger(__name__)
 
-MESHERS = {"ftetwild": "fTetWild", "stuffing": "a lattice cut to the surface"}
+MESHERS = {
+    "ftetwild": "fTetWild", "stuffing": "a lattice cut to the surface", "particles": "whole cubes",
+}  # fmt: skip
 UNJUDGED = "not judged in a motion: a load at rest is, --scenario sag with --load"
 # How an asset looks: coloured points of its surface, one a pixel of a picture of 200 x 200, and
 # colours, what one map of the page tells apart.

@@ -17,7 +17,13 @@ from ...fem.errors import ConvergenceError, InputError, UsageError
 from ...fem.grain import Grained, grained_parts, parts_of_grain, with_grains
 from ...fem.identify import MotionFit
 from ...fem.mesh import TetMesh, join_meshes, material_of
-from ...fem.mpm.materials import MaterialClass, Substance, class_of, triaxial_friction
+from ...fem.mpm.materials import (
+    MaterialClass,
+    Substance,
+    class_of,
+    triaxial_angle,
+    triaxial_friction,
+)
 from ...fem.note import Note
 from ...fem.scene.conditions import (
     KINDS,
@@ -409,6 +415,12 @@ def particle_method(
     said = substances(options.matter, materials)
     left = {part: row for part, row in materials.items() if part not in said}
     flowing, notes = flowing_substances(left, classes or {})
+    # A slope is easily taken for the angle or its tangent: .6 is steeper than sand ever is
+    steep = {part: one.friction for part, one in said.items() if one.kind is MaterialClass.SAND}
+    notes += tuple(
+        Note("scenario.slope", part=part, slope=slope, angle=np.rad2deg(triaxial_angle(slope)))
+        for part, slope in steep.items()
+    )
     return replace(
         PRESETS[options.preset] if options.preset else own,
         substances=flowing | said,

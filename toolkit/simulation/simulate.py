@@ -114,7 +114,7 @@ def simulate(
             cells = PRESETS[options.preset].grid
         body = _voxel_body(source, cells=cells, scale=drive_scale or 1.0)
     if body is not None:
-        if options.solver != "mpm" and SCENARIOS[options.scenario].method != "mpm":
+        if not takes_particles(options):
             raise UsageError("simulate.no_mesh", source=source)
         if output is not None and not output.suffix:
             drive = drive or body.carrier
@@ -150,6 +150,8 @@ def simulate(
         record = record.of_other_materials(materials)
     elif body is not None and not record.materials:
         record = replace(record, materials=body.materials)
+    if record.particles and not takes_particles(options):
+        raise UsageError("simulate.particles", source=source, why=record.differences[0])
     known = {"up": sidecar.up, "materials": record.materials, "classes": record.classes}
     if options.budget is not None:
         if drive is None and output is not None:
@@ -247,6 +249,11 @@ def _film(
     film = record(folder / "film.webp", [actor], up=up, ground=ground, key=key, progress=told)
     known = driven_record(actor.driven)
     return replace(known, frames=film.frames, picture=film.files[0], film=film)
+
+
+def takes_particles(options: SimulateOptions) -> bool:
+    """Whether what solves the scenario are particles, which need no mesh."""
+    return "mpm" in (options.solver, SCENARIOS[options.scenario].method)
 
 
 class VoxelBody(NamedTuple):

@@ -173,6 +173,7 @@ def test_what_springs_do_not_know_is_said():
         SpringMethod(anchors=2000).solve(post(E=2e14, duration=10.0))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("scale", "surface"), [(1.7, 0.0), (0.8, 1.0)])
 def test_a_twin_gives_its_scale_and_profile_back(scale, surface):
     """A motion of the network itself, stiffer, or softer and hardest at the surface: to 1e-4."""

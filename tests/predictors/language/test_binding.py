@@ -28,6 +28,7 @@ def test_the_whole_and_the_rest_fill_what_nothing_names(agree):
     """)
 
 
+@pytest.mark.slow
 def test_other_words_for_the_same_part(agree):
     agree("""
         the cap is cork => lid: cork

@@ -78,6 +78,7 @@ LISTS = tomllib.loads(Path(__file__).with_name("designations.toml").read_text(en
 NAMED = {family: " ".join(text.split()).split("; ") for family, text in LISTS.items()}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("family", NAMED)
 def test_a_designation_is_of_its_family(family):
     """Written after a part's name, as a parts list does it; no word of it is left unread."""

@@ -259,6 +259,7 @@ def test_what_a_thing_is_full_of_is_its_filling(table, clauses_of):
     assert found == rows
 
 
+@pytest.mark.slow
 def test_words_side_by_side_are_read_in_any_order_and_over_any_sign(agree):
     """Slashes list parts, commas stand in part names, the words of a row may be turned."""
     agree(r"""

@@ -30,6 +30,7 @@ def stand(up="z"):
     return Asset("stand", tuple(parts), up=up)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("up", ["y", "z"])
 def test_voxels_see_what_is_nearest(up):
     found = voxelise(stand(up), "stand", "test")
@@ -44,6 +45,7 @@ def test_voxels_see_what_is_nearest(up):
     assert len(found.seen) == (found.label != 255).sum()
 
 
+@pytest.mark.slow
 def test_files_keep_looks(tmp_path):
     with_looks = voxelise(stand(), "stand", "test")
     without = replace(with_looks, looks=None)
@@ -53,6 +55,7 @@ def test_files_keep_looks(tmp_path):
     assert second.looks == pytest.approx(with_looks.looks, rel=1e-6)  # float32
 
 
+@pytest.mark.slow
 def test_training_learns_the_slots_that_it_is_given(tmp_path):
     item = voxelise(stand(), "stand", "test")
     rng = np.random.default_rng(0)
@@ -70,6 +73,7 @@ def test_training_learns_the_slots_that_it_is_given(tmp_path):
     assert ratio.argmax(axis=1).tolist() == best
 
 
+@pytest.mark.slow
 def test_data_without_looks_is_refused(tmp_path):
     item = replace(voxelise(stand(), "stand", "test"), looks=None)
     save_real(tmp_path / "real.safetensors", [item])

@@ -80,6 +80,7 @@ def test_there_are_never_more_than_a_sentence_can_use():
     assert region.max() < MOST
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("up", ["x", "y", "-y", "-z"])
 def test_the_axis_that_points_up_changes_nothing(up):
     """The same thing lying on its side is cut alike, and measured alike."""

@@ -153,6 +153,7 @@ def test_baked_light_is_a_factor_around_one():
     assert 0.05 < light.std() < 0.2
 
 
+@pytest.mark.slow
 def test_the_row_of_a_matter_is_what_the_reader_hears():
     from autophyx_tet.fem.table import load_table
 

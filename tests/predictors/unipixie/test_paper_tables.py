@@ -20,6 +20,7 @@ from autophyx_tet.research.training.unipixie.config import CPU
 from autophyx_tet.research.voxels import voxel_mesh
 
 
+@pytest.mark.slow
 def test_the_truth_of_s5_is_a_draw_of_what_the_words_leave_open(names):
     """Inside the ends, at the mean and spread on average, and never the mean itself."""
     every = [
