@@ -1,8 +1,8 @@
 """A film within a budget: a coarse body drives it, by the method that the time allows.
 
 A film of splats wants some thousand tets or particles, since the splats are the fine picture. What
-moves is small against what a mesh for stresses resolves: first frequencies of such bodies are those
-of fine ones within 5 % (``benchmarks/splat_films.py --drivers``).
+moves is small against what a mesh for stresses resolves: ``benchmarks/splat_films.py --drivers``
+measures first frequencies and amplitudes of such bodies beside those of fine ones.
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ MOST_TETS, SHARE = 6_000, 0.45
 GRIDS = (48, 40, 32, 28, 24, 20, 16)
 # Steps of a reduced body in a frame: a swing of 3 Hz keeps its height over two seconds.
 STEPS = 2
-# CPU seconds (one core, 61,000 splats, docs/data/splat_films.json): of a frame, of a splat in it by
-# a mesh and by particles, of a reduced body and of each of its tets, and of the rest of a command.
+# CPU seconds of one core (61,000 splats; reduced bodies of 3,343 and 5,313 tets): of a frame, of a
+# splat in it by a mesh and by particles, of a reduced body, and of each of its tets in 120 steps.
 FRAME, SPLAT, PARTICLE_SPLAT = 0.10, 2.6e-6, 5.0e-6
 REDUCED, REDUCED_TET = 6.0, 1.2e-3
 
