@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ...fem.material import wave_speed
-from ...fem.mesh import TetMesh, boundary_faces, material_of
+from ...fem.mesh import TetMesh, boundary_faces, face_components, material_of
 from ...fem.mpm.method import COST, OVERHEAD
 from ...fem.mpm.time_step import BUDGET, COURANT, largest_modulus
 from ...fem.note import Note
@@ -65,7 +65,7 @@ def planned(
     """
     frames = round(FPS * options.seconds)
     mesh, limit = scene.mesh, SHARE * float(options.budget or np.inf)
-    tets = min(len(mesh.tets), MOST_TETS)
+    tets = len(mesh.tets)
     if method != "mpm" and not flows and scene.held.fixed.any() and not scene.obstacles:
         draw = frames * (FRAME + SPLAT * splats)
         solve = REDUCED + REDUCED_TET * tets * (frames * STEPS / 120)
@@ -101,13 +101,14 @@ def shown_states(states: Any, options: SimulateOptions) -> Any:
 def coarsened(mesh: TetMesh, *, most: int = MOST_TETS) -> TetMesh:
     """A lattice body of at most so many tets in the surface of a mesh, with its materials by place.
 
-    Parts keep their names. A mesh that is as coarse already stays.
+    Parts keep their names. A mesh of less than twice as many stays, and one whose lattice falls
+    into more pieces: what hangs together in it is thinner than the lattice's edge.
     """
     from scipy.spatial import KDTree
 
     from ..meshing.convert import tetrahedralize
 
-    if len(mesh.tets) <= most:
+    if len(mesh.tets) <= 2 * most:
         return mesh
     parts = []
     for number, name in enumerate(mesh.region_names):
@@ -119,6 +120,8 @@ def coarsened(mesh: TetMesh, *, most: int = MOST_TETS) -> TetMesh:
             parts.append(Part(name, surface))
     asset, edge = Asset("body", tuple(parts)), driver_edge(mesh.volume, most)
     body, _ = tetrahedralize(asset, mesher="stuffing", edge_length=edge, accept_broken=True)
+    if face_components(body).max() > face_components(mesh).max():
+        return mesh
     near = KDTree(mesh.centroids).query(body.centroids)[1]
     material = material_of(mesh)
     known: Any = {name: getattr(material, name)[near] for name in ("E", "nu", "rho")}
