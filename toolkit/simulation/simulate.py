@@ -199,6 +199,11 @@ def simulate(
     return replace(result, files=tuple(files))
 
 
+def takes_particles(options: SimulateOptions) -> bool:
+    """Whether what solves the scenario are particles, which need no mesh."""
+    return "mpm" in (options.solver, SCENARIOS[options.scenario].method)
+
+
 def _within_budget(
     mesh: TetMesh,
     options: SimulateOptions,
@@ -249,11 +254,6 @@ def _film(
     film = record(folder / "film.webp", [actor], up=up, ground=ground, key=key, progress=told)
     known = driven_record(actor.driven)
     return replace(known, frames=film.frames, picture=film.files[0], film=film)
-
-
-def takes_particles(options: SimulateOptions) -> bool:
-    """Whether what solves the scenario are particles, which need no mesh."""
-    return "mpm" in (options.solver, SCENARIOS[options.scenario].method)
 
 
 class VoxelBody(NamedTuple):
