@@ -13,7 +13,7 @@ unexport PYTHONDONTWRITEBYTECODE
 # A thread for each of the two workers: four on two cores wait for each other.
 quick inside outside long: export OMP_NUM_THREADS := 1
 
-.PHONY: setup demo check quick test inside long outside test-all newest wheel bench lint types notebooks docs figures clean
+.PHONY: setup demo check quick test inside long outside test-all newest wheel bench gallery lint types notebooks docs figures clean
 
 setup: $(STAMP)
 
@@ -72,6 +72,10 @@ wheel: $(STAMP)
 
 bench: $(STAMP)
 	@$(PY) benchmarks/statics.py --sizes S,M
+
+# Films of splats, eight commands as of AutoPhyX's figure 5: out/films and docs/films.
+gallery: $(STAMP)
+	@$(PY) benchmarks/splat_films.py --gallery --output out/films
 
 notebooks: $(STAMP)
 	@$(PY) .ci/notebooks

@@ -1,7 +1,7 @@
 """Films of Gaussian splats by the command, and those of AutoPhyX's figure 5.
 
     python benchmarks/splat_films.py [NAME ...]   measures, and writes docs/data/splat_films.json
-    python benchmarks/splat_films.py --gallery    `make gallery`: docs/gallery/splats/*.webp too
+    python benchmarks/splat_films.py --gallery    `make gallery`: docs/films/*.webp too
 
 Captures are splats on the surface of models that are made here, lit and in colour. Each film is the
 one command that its row shows, `autophyx-tet film`: 60 frames of 512 px. A row tells its CPU
@@ -19,18 +19,23 @@ import shlex
 import subprocess
 import sys
 import tempfile
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 import igl
 import numpy as np
 import trimesh
+from autophyx_tet.converters.mesh.meshdata import read_mesh
 from autophyx_tet.converters.points.film import needles
 from autophyx_tet.converters.points.table import read_points, write_points
+from autophyx_tet.fem import METHODS, SCENARIOS, ElementMaterial, box_mesh, natural_modes
 from autophyx_tet.predictors.asset import Asset, Part
 from autophyx_tet.toolkit.film import kept_motion
+from autophyx_tet.toolkit.simulation.budget import MOST_TETS, coarsened
 from driven_picture import splats
 from PIL import Image
+from real_meshes import cache_folder, demo_mesh, real_mesh
 from scipy.spatial import KDTree
 
 DOCS = Path(__file__).resolve().parent.parent / "docs"
@@ -249,7 +254,12 @@ def main() -> None:
     parser.add_argument("names", nargs="*", choices=[[], *SCENES])
     parser.add_argument("--gallery", action="store_true")
     parser.add_argument("--output", type=Path, help="folder of captures and films, else temporary")
+    parser.add_argument("--drivers", action="store_true", help="coarse bodies beside fine ones")
     options = parser.parse_args()
+    if options.drivers:
+        for row in drivers():
+            print(json.dumps(row), flush=True)
+        return
     names = options.names or (SCENES if options.gallery else MEASURED)
     rows = []
     with tempfile.TemporaryDirectory() as folder:
@@ -259,7 +269,7 @@ def main() -> None:
             rows.append(made(name, folder))
             print(json.dumps(rows[-1]), flush=True)
             if options.gallery:
-                smaller(folder / name / "film.webp", DOCS / "gallery" / "splats" / f"{name}.webp")
+                smaller(folder / name / "film.webp", DOCS / "films" / f"{name}.webp")
     if not options.names:
         record = DOCS / "data" / "splat_films.json"
         known = json.loads(record.read_text())["rows"] if record.exists() else []
@@ -267,6 +277,33 @@ def main() -> None:
         machine = {"what": "one of two shared cores", "load": round(os.getloadavg()[0], 1)}
         document = {"command": "python benchmarks/splat_films.py", "machine": machine, "rows": rows}
         record.write_text(json.dumps(document, indent=1) + "\n")
+
+
+def drivers() -> Iterator[dict]:
+    """First frequency, and sag under the own weight, of coarse bodies over those of fine ones.
+
+    Both are of quadratic elements. A load that comes on at once makes a body swing by twice its
+    sag: the amplitude.
+    """
+    slab = box_mesh((0.4, 0.3, 0.06), (20, 15, 6))
+    slab = slab.with_material(ElementMaterial.uniform(len(slab.tets), E=5e6, nu=0.4, rho=500.0))
+    bodies = {
+        "slab": (slab, "x"),
+        "bonsai": (read_mesh(demo_mesh(cache_folder())), "y"),
+        "chair": (read_mesh(real_mesh("Scopia/chair3", cache_folder())), "y"),
+    }
+    for name, (mesh, up) in bodies.items():
+        mesh = mesh.with_material(mesh.material.without_grain())
+        coarse = coarsened(mesh, most=min(MOST_TETS, len(mesh.tets) // 2))
+        known = []
+        for body in (mesh, coarse):
+            scene = SCENARIOS["sag"]().scene(body, up=up)
+            modes = natural_modes(body, 1, supports=scene.held, order=2)
+            rest = METHODS["statics"].solve(scene, law="linear", order=2)
+            known.append((len(body.tets), float(modes.frequencies[0]), rest.max_displacement))
+        (tets, f, sag), (few, g, less) = known
+        row = {"body": name, "tets": tets, "coarse": few, "frequency": round(g / f, 4)}
+        yield row | {"amplitude": round(less / sag, 4)}
 
 
 def smaller(source: Path, target: Path) -> None:

@@ -264,9 +264,12 @@ def without_cracks(
     """Deformation gradients of the matter beside its cracks, whose opening is no stretch of it.
 
     Of a stretch stays what damage ``q`` (largest sigma_1 / f_t) left of its stress; what is pressed
-    together stays so.
+    together stays so. Of crumbs whose F has overflowed, for nothing holds it, none is known: one.
     """
     torn = q > 1
+    crumbs = torn & ~np.isfinite(F).all(axis=(1, 2))
+    if crumbs.any():
+        F = np.where(crumbs[:, None, None], np.eye(3), F)
     keep = stress_left(q[torn], softening[torn])
     left, s, right = np.linalg.svd(F[torn])
     s = np.where(s > 1, 1 + keep[:, None] * (s - 1), s)

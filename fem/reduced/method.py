@@ -35,6 +35,7 @@ class ReducedMethod:
     most_cells: Most tets that the elastic energy is summed over; 0: all.
     scale, nu: What E is multiplied by [1], and Poisson's ratio [1] in place of the body's own:
         fitted.
+    rounds: How often at most a motion that is off is followed again, with more coordinates.
     announce: Hears of the model, in words, before the motion.
     """
 
@@ -43,6 +44,7 @@ class ReducedMethod:
     most_cells: int = CELLS[-1]
     scale: float = 1.0
     nu: float | None = None
+    rounds: int = ROUNDS
     announce: Callable[[str], None] | None = None
 
     laws: tuple[str, ...] = ()
@@ -75,7 +77,7 @@ class ReducedMethod:
             law=law or Law.NEO_HOOKEAN,
             scheme=scheme,
             most_cells=self.most_cells,
-            rounds=0 if fitted else ROUNDS,
+            rounds=0 if fitted else self.rounds,
             announce=self.announce,
             progress=progress,
         ).of(scene, model)

@@ -45,6 +45,7 @@ def test_help_loads_no_heavy_package():
 VERBS = (
     "run", "convert", "assign", "segment", "simulate", "transfer", "export", "features", "info",
     "materials", "doctor", "dataset", "train", "evaluate", "batch", "reduce", "match", "view",
+    "film",
 )  # fmt: skip
 
 

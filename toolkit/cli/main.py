@@ -189,13 +189,14 @@ def _say(line: str) -> None:
 BRIEF, WHOLE = ("-h", "--help"), "--help-all"
 # By name, in whatever command they stand.
 RARE = frozenset(
-    "accept_broken address anchors at basis bins body cache cells config crop damping device "
-    "drop_height edge_length encoder epsilon_rel eta fall_height features grain gravity "
-    "gravity_dir grid handles interpreter keep law layers lower matter max_tets memory_limit "
-    "modes move neighbours no_cache obstacle opacity order parameters parameters_alpha part "
-    "part_wall picture poke_force preset pressure print_config region samples scene seed "
-    "self_contact solid squeeze_share stiff supports table tear_share threads time_limit to_stiff "
-    "torque touch traceback views wind_speed with_nu".split()
+    "accept_broken address anchors at basis bins body budget cache cells config crop damping "
+    "device drop_height edge_length encoder epsilon_rel eta fall_height features grain "
+    "gravity gravity_dir grid handles interpreter keep law layers lower matter max_tets "
+    "memory_limit modes move neighbours no_cache obstacle opacity order parameters "
+    "parameters_alpha part part_wall picture poke_force preset pressure print_config region "
+    "samples scene seconds seed self_contact solid spin_rate squeeze_share stiff supports "
+    "table tear_share threads time_limit to_stiff torque touch traceback views wind_speed "
+    "with_nu".split()
 )
 
 

@@ -342,12 +342,14 @@ def reduced_method(
     from ...converters.archives import load_fits
     from ...fem.reduced.method import ReducedMethod
     from ...fem.reduced.model import Subspace
+    from ...fem.reduced.motion import ROUNDS
 
     _check_parameters(options)
     moduli = Moduli(1.0, None)
     if options.parameters is not None:
         moduli = moduli_between(load_fits(options.parameters), options.parameters_alpha)
     return ReducedMethod(
+        rounds=ROUNDS if options.budget is None else 0,  # its cost is foretold
         kind=Subspace(options.basis),
         handles=options.handles,
         scale=moduli.scale,

@@ -9,7 +9,7 @@ from autophyx_tet.fem.errors import InputError, UsageError
 from autophyx_tet.fem.mesh import TetMesh
 from autophyx_tet.fem.mpm.materials import MaterialClass, Substance
 from autophyx_tet.fem.mpm.method import PRESETS, MpmMethod
-from autophyx_tet.fem.mpm.particles import Followers, ParticleState, sample_tets
+from autophyx_tet.fem.mpm.particles import Followers, ParticleState, sample_tets, without_cracks
 from autophyx_tet.fem.mpm.time_step import MpmError
 from autophyx_tet.toolkit.verdict.checks import keeps_energy
 
@@ -222,3 +222,10 @@ def test_what_the_method_does_not_know_is_refused():
         moved(Scene(mesh=mesh, supports=held), 8)
     with pytest.raises(UsageError, match="no part 'wing'"):
         moved(Scene(mesh=mesh), 8, substances={"wing": Substance(kind=MaterialClass.SNOW)})
+
+
+def test_what_is_torn_beyond_numbers_has_no_stretch():
+    """Of a crumb F overflows, since nothing holds it: it is one; a whole particle keeps its own."""
+    F = np.stack([np.diag([np.inf, 1.0, 1.0]), np.diag([1.1, 1.0, 1.0])])
+    found = without_cracks(F, np.array([9.0, 0.5]), np.array([1.0, 1.0]))
+    np.testing.assert_array_equal(found, [np.eye(3), F[1]])
