@@ -239,9 +239,8 @@ def with_second_opinion(
         words = _words(said, text)
         doubtful = not any(c.says_matter for c in own) or any(c.doubts or c.unknown for c in own)
         wanted = LIKELY if doubtful else SURE
-        if not words or said.certainty < (wanted if doubtful else TOLD):
-            continue
-        if any(c.phrase.lower() == words.lower() for c in own):
+        known = any(c.phrase.lower() == words.lower() for c in own)
+        if not words or known or said.certainty < (wanted if doubtful else TOLD):
             continue
         part = shown_name(names[i])
         known = names if len(names) <= _MANY else names[i : i + 1]
