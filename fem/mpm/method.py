@@ -280,7 +280,9 @@ class _Run:
         self.time = state.time
         self.positions.append(state.x.astype(np.float32))
         self.gradients.append(state.F.astype(np.float32))
-        self.left.append(~self.room.holds(state.x))
+        # A total Lagrangian cloud keeps the nodes of its rest, wherever it moves to.
+        stays = self.solver is None or self.solver.lagrangian
+        self.left.append(~self.room.holds(state.x) & (not stays))
         gaps = [
             o.distance(state.x - state.time * np.asarray(o.velocity, dtype=float)).gap.min()
             for o in obstacles
