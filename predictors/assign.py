@@ -109,7 +109,9 @@ def predict_materials(
         ]  # fmt: skip
         whole = whole or cut_up()
         if among and whole.region.any():
-            known = {"of": parents, "encoder": lookup.kernel.encoder, "table": table}
+            taken = range(len(given.part_names), len(parts.part_names))
+            told = {i: choices[i].row.name for i in taken}
+            known = {"of": parents, "told": told, "encoder": lookup.kernel.encoder, "table": table}
             pieces = divided(parts, among, bound, clauses, whole, **known)
     if pieces is not None:
         parts, parents = pieces.parts, tuple(parents[i] for i in pieces.parents)

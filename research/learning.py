@@ -233,7 +233,9 @@ def _evaluate_natural(objects: int, progress: Progress | None) -> dict[str, Any]
     from .evaluation.natural import evaluate_natural
 
     known = naturals(sweethome3d.VALIDATION)
-    return evaluate_natural(known, one_pieces(known, objects), progress=progress)
+    keys = [*dict.fromkeys(one.key for one in known)][:objects]
+    known = [one for one in known if one.key in keys]
+    return evaluate_natural(known, one_pieces(known), progress=progress)
 
 
 def _evaluate_folder(

@@ -29,6 +29,7 @@ log = logging.getLogger(__name__)
 TEXT, TRAINING, VALIDATION = "text.safetensors", "real.safetensors", "validation.safetensors"
 RANGES = "ranges.safetensors"
 REGIONS = "regions.npz"
+ANEW = 7  # sentences that are put together anew of each real thing
 _SHOWN_CELLS = 48
 
 
@@ -119,7 +120,7 @@ def build_regions(
     from ..fem.table import load_table
     from ..predictors.regions.network import kind_index
     from .datasets import region_sets as sets_of
-    from .datasets.natural import naturals, one_pieces
+    from .datasets.natural import PARTS, naturals, one_pieces
     from .datasets.parts import part_kinds
     from .on_device import minilm
 
@@ -132,6 +133,9 @@ def build_regions(
         name: [sets_of.Sentence(one.clauses, one.unsaid) for one in sentences if one.key == name]
         for name in pieces
     }
+    for one in naturals(sweethome3d.TRAINING, PARTS):
+        if one.key in said:
+            said[one.key] += sets_of.said_anew(said[one.key], one.clauses, ANEW, rng)
     looks, sets = sets_of.looks_of(pieces.values()), []
     for name, piece in pieces.items():
         if progress:

@@ -21,7 +21,7 @@ from ..matter import LOOK
 from ..text.clauses import Clause, Sentence
 from ..text.parts import known_parts, stem
 from .measures import measured
-from .network import RegionNetwork, Said
+from .network import RegionNetwork, Said, Words
 from .segment import largest_first, segment
 
 WHOLE = 0.5  # of the certainty: below it a thing stays in one piece
@@ -112,23 +112,32 @@ def divide(
     *,
     encoder: TextEncoder,
     table: MaterialTable,
+    told: Int[np.ndarray, "n"] | None = None,
     network: RegionNetwork | None = None,
 ) -> Divided:
     """Find the clause that speaks of each cell.
 
     Each clause has a region, if that costs little: what is spoken of is there.
+
+    told: The clause that a user gave each cell, their number for none of them, else -1; a region
+        is told where most of its cells are.
     """
     network = network or RegionNetwork.load()
     cuts = {False: regions.plain}
     if regions.shells:
         cuts[True] = regions.region
-    shares = []
+    words, shares = Words.of(said, encoder), []
     for shells, region in cuts.items():
         looks = regions.looks.copy()
         if not shells:
             looks[:, 3:] = PLAIN_FINISH
         found = measured(regions.cells, looks, region)
-        given = network.inputs(found, said, shells=shells, encoder=encoder, table=table)
+        of_region = None
+        if told is not None:
+            votes = np.zeros((len(found.values), len(said) + 2), dtype=int)
+            np.add.at(votes, (region, told), 1)  # -1 is the last
+            of_region = np.array([*range(len(said) + 1), -1])[votes.argmax(axis=1)]
+        given = network.inputs(found, said, words=words, shells=shells, table=table, told=of_region)
         shares.append(network(given)[region])
     pair = regions.plain * (int(regions.region.max()) + 1) + regions.region
     _, first, of, size = np.unique(pair, return_index=True, return_inverse=True, return_counts=True)
@@ -149,8 +158,8 @@ def assigned(shares: Float[np.ndarray, "regions clauses"]) -> Int[np.ndarray, "r
     spoken = shares[:, :null]
     owner = np.where(shares[:, null] >= NULL, null, spoken.argmax(axis=1))
     if len(spoken) >= null and null:
-        cost = -np.log(spoken + _LEAST)
-        cost = (cost - cost.min(axis=1, keepdims=True)).T
+        cost = (np.log(shares.max(axis=1, keepdims=True)) - np.log(spoken + _LEAST)).T
+        cost = cost.clip(min=0)
         rows, columns = linear_sum_assignment(cost)
         if cost[rows, columns].sum() < FORCED:
             owner[columns] = rows

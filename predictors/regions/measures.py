@@ -14,14 +14,25 @@ MEASURES = (
     *FEATURES, "own width", "own depth", "own height", "x offset", "y offset",
     "mean radius", "outer contact", "inner contact", "mirror x", "mirror y",
     "upright axis", "flat axis", "log copies", "log contact", "neighbours", "log whole fill",
-    "log slenderness x", "log slenderness y", "log slenderness z",
+    "log slenderness x", "log slenderness y", "log slenderness z", "log relative", "rank",
+    "log count", "log copied share", "log like share", "contrast", "whole contrast",
+    "closest contact",
 )  # fmt: skip
+# Of two regions: the share of the first one's common faces, how like their looks and sizes are,
+# and whether the first is higher.
+PAIRS = ("contact", "like look", "like size", "higher")
 _COPY = 0.15  # of the logarithm of sizes that differ by less, two regions are copies
 _FACES = 5.0  # what brings logarithms of faces, and numbers of neighbours, near 1
+_LIKE = 12.0  # of CIE L*a*b*: looks that differ by less are one
+_HIGHER = 0.2  # of the whole's height
 
 
 class Measured(NamedTuple):
-    """``values`` (regions, measures), and ``contact`` (regions, regions): common faces of cells."""
+    """What is measured of a thing's regions.
+
+    values: ``MEASURES`` of each (regions, measures).
+    contact: Fraction of its common faces that each has with each other one (regions, regions).
+    """
 
     values: np.ndarray
     contact: np.ndarray
@@ -45,15 +56,20 @@ def measured(
         a, b = (np.moveaxis(box, axis, 0)[part] for part in (slice(1, None), slice(None, -1)))
         np.add.at(touch, (a[a != b], b[a != b]), 1)
     touch += touch.T
+    values = measure(cells, looks, region)
     size = np.bincount(region, minlength=count)
+    colours = values[:, :3]
+    apart = np.linalg.norm(colours[:, None] - colours, axis=2)
+    copied = (np.abs(np.log(size / size[:, None])) < _COPY) & (apart < _LIKE)
+    spread = np.sqrt((size / len(cells)) @ np.square(colours - size @ colours / len(cells)))
     whole = [np.log(len(cells) / np.prod(sides)), *np.log(sides / longest)]
     rows = []
     for k in range(count):
         own = cells[region == k]
         place = (own + 0.5 - (low + high) / 2) / longest
-        spread = place - place.mean(axis=0)
+        spread_of = place - place.mean(axis=0)
         # 1e-5: as in ``matter.measure``
-        axes = np.linalg.eigh(spread.T @ spread / len(own) + 1e-5 * np.eye(3))[1]
+        axes = np.linalg.eigh(spread_of.T @ spread_of / len(own) + 1e-5 * np.eye(3))[1]
         mirrored = []
         for axis in range(2):
             across = own - low + 1
@@ -65,7 +81,27 @@ def measured(
             np.hypot(*place[:, :2].T).mean(), outer / (outer + inner), inner / (outer + inner),
             *mirrored, abs(axes[2, 2]), abs(axes[2, 0]),
             np.log((np.abs(np.log(size / size[k])) < _COPY).sum()), np.log1p(inner) / _FACES,
-            (touch[k, :count] > 0).sum() / _FACES, *whole,
+            (touch[k, :count] > 0).sum() / _FACES, *whole, np.log(size[k] / size.max()),
+            (size > size[k]).sum() / count, np.log(count),
+            np.log(size[copied[k]].sum() / len(cells)),
+            np.log(size[apart[k] < _LIKE].sum() / len(cells)),
+            touch[k, :count] @ apart[k] / (inner + 1), np.linalg.norm(spread),
+            touch[k, :count].max() / (inner + 1),
         ])  # fmt: skip
-    values = np.concatenate([measure(cells, looks, region), np.array(rows)], axis=1)
-    return Measured(values.astype(np.float32), touch[:count, :count].astype(np.float32))
+    values = np.concatenate([values, np.array(rows)], axis=1)
+    share = touch[:count, :count] / (touch[:count, :count].sum(axis=1, keepdims=True) + 1)
+    return Measured(values.astype(np.float32), share.astype(np.float32))
+
+
+def pairs_of(found: Measured) -> Float[np.ndarray, "regions regions pairs"]:
+    """``PAIRS`` of measured regions."""
+    values, look = found.values, found.values[:, :3]
+    apart = np.linalg.norm(look[:, None] - look, axis=2)
+    size, height = (values[:, FEATURES.index(name)] for name in ("log share", "height"))
+    each = [
+        found.contact,
+        np.exp(-apart / _LIKE),
+        np.exp(-np.abs(size[:, None] - size) / _COPY),
+        np.tanh((height[:, None] - height) / _HIGHER),
+    ]
+    return np.stack(each, axis=-1).astype(np.float32)

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from ...fem.errors import InputError
 from ...fem.note import Note
@@ -26,14 +26,14 @@ from ..encoders.minilm import gelu
 from ..encoders.registry import TextEncoder
 from ..matter import FEATURES, CategoriesByAppearance
 from ..text.parts import KINDS, kind_of
-from .measures import MEASURES, Measured
+from .measures import MEASURES, Measured, pairs_of
 
 WEIGHTS = Path(__file__).parents[1] / "weights" / "regions.safetensors"
 PLACES = 8  # of clauses in a sentence that are told apart; later ones are all the last
 ORDER = PLACES + 3  # the place, how many there are, where among them, and whether it is the null
 EPSILON = 1e-5  # of the normalisation of layers
 OUTLIER = 5.0  # deviations: measures beyond are clipped
-HEADS = 4
+HEADS, WORDS = 4, 384
 # Kinds of matter by looks, of rows whose own words name none.
 _KIND_OF_CATEGORY = {
     "metal": "metal", "wood": "wood", "plastic": "plastic", "elastomer": "rubber",
@@ -54,25 +54,22 @@ class Inputs(NamedTuple):
     """What the network is given of a thing of R regions and a sentence of K - 1 clauses.
 
     ``region`` (R, measures + 1) are standardised measures and whether a mesh told the shells;
-    ``contact`` (R, R) the fraction of its common faces that a region has with each other one;
+    ``pairs`` (R, R, 4) what ``measures.pairs_of`` says of two regions;
     ``part``, ``material`` (K, 384) embeddings of words, ``matter`` (K, kinds + 1 + categories) what
     the material is, ``order`` (K, ORDER) the place in the sentence, the null clause last;
-    ``evidence`` (R, K, 2) how much likelier the looks make the clause's kind of matter [log], and
-    whether they tell.
+    ``evidence`` (R, K, 3) how much likelier the looks make the clause's kind of matter [log],
+    whether they tell, and what a user told of the region: 1 of its clause, -1 of the others;
+    ``told`` (R,) the clause that a user gave the region, -1 where none did.
     """
 
     region: np.ndarray
-    contact: np.ndarray
+    pairs: np.ndarray
     part: np.ndarray
     material: np.ndarray
     matter: np.ndarray
     order: np.ndarray
     evidence: np.ndarray
-
-
-def contact_share(contact: Float[np.ndarray, "r r"]) -> Float[np.ndarray, "r r"]:
-    """Fraction of a region's common faces that it has with each other one."""
-    return contact / (contact.sum(axis=1, keepdims=True) + 1)
+    told: np.ndarray
 
 
 def part_words(phrase: str) -> list[str]:
@@ -82,12 +79,29 @@ def part_words(phrase: str) -> list[str]:
 
 
 def part_vector(phrase: str, encoder: TextEncoder) -> Float[np.ndarray, "dim"]:
-    """Unit embedding of words for parts, of several the mean; 0 of none."""
-    words = part_words(phrase)
-    if not words:
-        return np.zeros(encoder.text(["part"]).shape[1], dtype=np.float32)
-    mean = encoder.text(words).mean(axis=0)
+    """Unit embedding of words for parts, of several the mean."""
+    mean = encoder.text(part_words(phrase)).mean(axis=0)
     return mean / np.linalg.norm(mean)
+
+
+class Words(NamedTuple):
+    """Embeddings of what clauses call parts and materials (K - 1, 384) each; 0 of none."""
+
+    part: np.ndarray
+    material: np.ndarray
+
+    @classmethod
+    def of(cls, said: Sequence[Said], encoder: TextEncoder) -> Words:
+        """Embed each phrase once, all together."""
+        phrases = {word for each in said for word in (*part_words(each.part), each.material)}
+        names = sorted(phrases - {""})
+        vector = dict(zip(names, encoder.text(names), strict=True)) if names else {}
+        none = np.zeros(WORDS, dtype=np.float32)
+        parts = [sum((vector[word] for word in part_words(each.part)), none) for each in said]
+        return cls(
+            np.stack([part / max(float(np.linalg.norm(part)), EPSILON) for part in parts]),
+            np.stack([vector.get(each.material, none) for each in said]),
+        )
 
 
 def categories(table: MaterialTable) -> list[str]:
@@ -162,34 +176,42 @@ class RegionNetwork:
         found: Measured,
         said: Sequence[Said],
         *,
+        words: Words,
         shells: bool,
-        encoder: TextEncoder,
         table: MaterialTable,
+        told: Int[np.ndarray, "regions"] | None = None,
     ) -> Inputs:
-        """Return what the network is given of measured regions and of what clauses say."""
-        known = list(self.facts["categories"])
+        """Return what the network is given of measured regions and of what clauses say.
+
+        words: The embeddings of what they say.
+        told: The clause that a user gave each region, their number for none of them, else -1.
+        """
+        rows = list(self.facts["categories"])
         ratio = CategoriesByAppearance.load().log_ratio(found.values[:, : len(FEATURES)])
         kinds = [kind_index(each.material, each.row, table) for each in said]
         places = [table.exact(each.row).category if each.row else None for each in said]
-        evidence = np.zeros((len(found.values), len(said) + 1, 2), dtype=np.float32)
+        evidence = np.zeros((len(found.values), len(said) + 1, 3), dtype=np.float32)
         for k, kind in enumerate(kinds):
             if kind >= 0:
-                evidence[:, k] = np.stack([ratio[:, kind], np.ones(len(ratio))], axis=1)
-        part = [part_vector(each.part, encoder) for each in said]
-        none = np.zeros_like(part[0])
-        material = [encoder.text([e.material])[0] if e.material else none for e in said]
+                evidence[:, k, 0], evidence[:, k, 1] = ratio[:, kind], 1.0
+        told = np.full(len(ratio), -1) if told is None else told
+        known = np.flatnonzero(told >= 0)
+        evidence[known, :, 2] = -1.0
+        evidence[known, told[known], 2] = 1.0
+        none = np.zeros((1, WORDS), dtype=np.float32)
         matter = [
-            matter_vector(kind, known.index(place) if place in known else None, len(known))
+            matter_vector(kind, rows.index(place) if place in rows else None, len(rows))
             for kind, place in zip(kinds, places, strict=True)
         ]
         return Inputs(
             self.standard(found.values, shells=shells),
-            contact_share(found.contact),
-            np.stack([*part, none]),
-            np.stack([*material, none]),
-            np.stack([*matter, matter_vector(-1, None, len(known))]),
+            pairs_of(found),
+            np.concatenate([words.part, none]),
+            np.concatenate([words.material, none]),
+            np.stack([*matter, matter_vector(-1, None, len(rows))]),
             order_vectors(len(said)),
             evidence,
+            told,
         )
 
     def standard(
@@ -199,19 +221,18 @@ class RegionNetwork:
         return standardised(values, self.facts["mean"], self.facts["deviation"], shells=shells)
 
     def __call__(self, given: Inputs) -> Float[np.ndarray, "regions clauses"]:
-        """Shares of the clauses in every region, the null clause last."""
+        """Shares of the clauses in every region, the null clause last; what a user told is so."""
         r = self._linear("region.2", gelu(self._linear("region.0", given.region[None])))
         c = self._linear("part", given.part[None]) + self._linear("material", given.material[None])
         c = c + self._linear("said", np.concatenate([given.matter, given.order], axis=1)[None])
-        kind = self.tensors["kind"]
+        known, kind = np.flatnonzero(given.told >= 0), self.tensors["kind"]
+        r[:, known] += self._linear("told", c[:, given.told[known]])
         x = np.concatenate([r + kind[:, :1], c + kind[:, 1:]], axis=1)
         nets, n, width = x.shape
         regions = len(given.region)
         bias = np.zeros((nets, HEADS, n, n), dtype=np.float32)
-        bias[..., :regions, :regions] = (
-            given.contact * self.tensors["touch.weight"][..., None]
-            + self.tensors["touch.bias"][..., None, None]
-        )
+        touch = self._linear("touch", given.pairs.reshape(1, regions * regions, -1))
+        bias[..., :regions, :regions] = touch.swapaxes(1, 2).reshape(nets, HEADS, regions, regions)
         for layer in range(len([k for k in self.tensors if k.endswith("attend.weight")])):
             at = f"layers.{layer}"
             qkv = self._linear(f"{at}.attend", self._norm(f"{at}.before", x))
@@ -230,7 +251,9 @@ class RegionNetwork:
         logit = self._linear("pair.2", gelu(self._linear("pair.0", pairs)))
         logit = logit.reshape(nets, regions, -1)
         logit = logit + (evidence * self.tensors["looks.weight"][:, None]).sum(axis=-1)
-        return _softmax(logit).mean(axis=0)
+        shares = _softmax(logit).mean(axis=0)
+        shares[known] = np.eye(shares.shape[1])[given.told[known]]
+        return shares
 
     def _linear(self, name: str, x: np.ndarray) -> np.ndarray:
         y = x @ self.tensors[f"{name}.weight"].swapaxes(1, 2)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -77,6 +77,7 @@ def divided(
     regions: Regions,
     *,
     of: Sequence[int],
+    told: Mapping[int, str],
     encoder: TextEncoder,
     table: MaterialTable,
 ) -> Pieces:
@@ -84,6 +85,8 @@ def divided(
 
     regions: Of all occupied cells, in C order.
     of: The thing that each part was before a user took regions out of it: it is seen as it was.
+    told: The row of the table of each part that a user so took, by number: what is like it is
+        likely of its clause.
     """
     sentence = bound.sentence
     of_cell, thing = parts.part[parts.occupied], np.asarray(of)
@@ -94,7 +97,12 @@ def divided(
         np.unique(x[mine], return_inverse=True)[1].ravel() for x in (regions.plain, regions.region)
     )
     ours = Regions(regions.cells[mine], regions.looks[mine], plain, region, regions.shells)
-    found = divide(ours, said, encoder=encoder, table=table)
+    of_user = np.full(len(region), -1)
+    for part, row in told.items():
+        same = [k for k, one in enumerate(said) if one.row and table.exact(one.row).name == row]
+        if len(same) < 2:  # of two clauses of one matter either may be meant
+            of_user[of_cell[mine] == part] = same[0] if same else len(said)
+    found = divide(ours, said, encoder=encoder, table=table, told=of_user)
     owner, share, notes = found.owner, found.share, ()
     if found.certainty < WHOLE:
         first = next(i for i, k in enumerate(stated) if sentence.clauses[k].material)
@@ -136,5 +144,5 @@ def divided(
     part = parts.part.copy()
     part[parts.occupied] = label
     made = PartVoxels(parts.grid, part, tuple(names), tuple(labels))
-    told = replace(bound, parts=tuple(clauses), unbound=())
-    return Pieces(made, tuple(parents), told, bindings, tuple(unsaid), notes)
+    heard = replace(bound, parts=tuple(clauses), unbound=())
+    return Pieces(made, tuple(parents), heard, bindings, tuple(unsaid), notes)

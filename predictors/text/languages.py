@@ -41,6 +41,7 @@ class Language:
     parts: dict[Phrase, str]
     endings: tuple[str, ...]
     links: tuple[str, ...]
+    adjectives: re.Pattern  # of what is done to a matter, in small letters: "geöltem"
 
     def of(self, phrase: Phrase) -> tuple[str, str] | None:
         """English of a phrase and the list that has it, by its last word's endings too."""
@@ -89,7 +90,9 @@ def languages() -> tuple[Language, ...]:
             words = "\n".join(f"{row[at]} = {row[0]}" for row in rows)
             lists[kind] = {**dict(_entries(words)), **lists[kind]}
         endings, links = tuple(table["endings"]), tuple(table.get("links", ()))
-        found.append(Language(table["name"], **lists, endings=endings, links=links))
+        adjectives = re.compile(table["adjectives"])
+        found.append(Language(table["name"], **lists, endings=endings, links=links,
+                              adjectives=adjectives))  # fmt: skip
     return tuple(found)
 
 
@@ -152,7 +155,7 @@ def glossed(cut: list[Atom], lexicon: ReaderLexicon, known: Collection[str]) -> 
                 taken = ends[-1] + 1
                 break
         if found is None:
-            if at not in english:
+            if at not in english and not best.adjectives.fullmatch(atom.text):
                 unknown.add(atom.start)
             out.append(atom)
             at, last = at + 1, ""

@@ -30,11 +30,7 @@ from .parts import part_name_words
 _RANK = {"part": 0, "number": 1, "material": 2, "told": 2.5, "size": 2.5}
 # What the model is shown for tokens that it cannot know, and for phrases that are one token here.
 _PLAIN = {"material": "wood", "number": "12", "size": "12", "told": "12", "part": "part"}
-_PHRASES = {
-    "fill": "with", "is": "is", "of": "of", "with": "with", "except": "except", "not": "not",
-    "looks": "like", "off": "for", "on": "on", "than": "than", "degree": "very", "same": "same",
-    "stiffness": "soft", "density": "heavy", "character": "tough", "rest": "rest", "whole": "all",
-}  # fmt: skip
+_PHRASES = words()["shown"]
 
 
 @dataclass
@@ -280,15 +276,10 @@ def _skeleton(word: str) -> str:
 
 _CODE = re.compile(r"(?<![\w.])(?=[\w.-]*\d)(?=[\w.-]*[A-Za-z])[A-Za-z0-9][\w.+-]*\w")
 _SMALL = ("word", "hyphen", "empty", "idle", "comma")  # what a code may hold
-_PARTLY = re.compile(
-    r"(?i)(?:half|quarters?|thirds?|\d+ ?%|part(?:l|iall)y|nearly|almost)"
-    r"[ -](?:full|filled)(?: \w+)?$"
-)
+_PARTLY = re.compile(words()["codes"]["partly"])
 _TIMES = re.compile(r"(?i)\d+x")
 # Codes that say no matter: "M8", "3rd", "20x20x2", "IP65", "z24".
-_HARMLESS = re.compile(
-    r"(?i)\d+(x\d*)+|x\d+|[mz]\d+(x[\d.]+)*|(dn|ip|ral|iso|din)\d+|\d+(st|nd|rd|th|s|d|k)"
-)
+_HARMLESS = re.compile(words()["codes"]["harmless"])
 _TEMPER = re.compile(r"-?(?:T[1-9]\d{0,4}|H\d{2,3}|O|F)")  # of a wrought alloy: "A356.0-T6"
 
 
@@ -426,18 +417,7 @@ def one_of(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
 
 
 # Roles of what may stand beside a name in brackets: "(Ti-6Al-4V, ASTM F136)".
-_CALLING = (
-    "material",
-    "word",
-    "digits",
-    "sign",
-    "comma",
-    "told",
-    "size",
-    "hyphen",
-    "empty",
-    "idle",
-)
+_CALLING = "material word digits sign comma told size hyphen empty idle".split()
 
 
 def same_again(lexemes: Sequence[Lexeme], lexicon: ReaderLexicon) -> list[Lexeme]:

@@ -105,6 +105,13 @@ class ReaderLexicon:
         tails = (tuple(said[i:]) for i in range(len(said)))
         return next((self.contents[tail] for tail in tails if tail in self.contents), None)
 
+    def row_called(self, said: str) -> Material | None:
+        """Row that the last words of ``said`` name: "black acetal"."""
+        words = self.phrase(said)
+        return next(
+            (self.rows[words[i:]] for i in range(len(words)) if words[i:] in self.rows), None
+        )
+
     @cached_property
     def firsts(self) -> dict[str, list[str]]:
         """Second word of a row of two -> the first words of such rows."""

@@ -147,15 +147,7 @@ _BLEND = re.compile(
     rf"|{_FIBRES.replace('fibre>', 'fibre4>')}[ -](?i:filled|reinforced|loaded)(?!\w)(?= (?!with))"
 )
 # Walls of a print, beside its infill: "3 walls of 0.4 mm", "4 perimeters", "1.2 mm walls".
-_PRINTED = re.compile(
-    r"(?i)\b(?:infill|gyro[iï]de?|remplissage|relleno|f(?:ü|ue)ll(?:ung|grad))\b|\d ?% fill"
-)
-_SKIN = re.compile(
-    r"(?i)(?P<n>\d{1,2}) ?x? ?"
-    r"(?:walls?(?: (?:lines|loops))?|per[ií]met\w+|parois|paredes|wände|outlines|shells)\b"
-    r"(?:[ ,]*(?:of|at|x|à|@|each)? ?(?P<w>\.?\d[\d.]*) ?mm(?: (?:each|wide|thick|lines?))?)?"
-    r"|(?P<t>\.?\d[\d.]*) ?mm (?:solid )?(?:walls?|shells?|skins?|perimeters?)"
-)
+_PRINTED, _SKIN = (re.compile(DATA["printed"][kind]) for kind in ("infill", "skin"))
 LINE = 0.4e-3  # m: of an extruded line, the width of the usual nozzle
 _FOAM_CODE = re.compile(DATA["codes"]["rho"])
 _TEMPERATURE = re.compile(

@@ -617,13 +617,7 @@ def _group(parts: list[Mention], values: list[Mention], *, part_first: bool = Fa
 
 SURE, MENDED = 1.0, 0.8  # certainty: as it stands; with something mended, guessed or left out
 _BEFORE = 30  # letters before a matter that may hold its state: "rusty galvanised steel"
-_HEDGE = re.compile(
-    r"(?i)\b(?:might be|may be|maybe|perhaps|possibly|probably|presumably|not sure|unsure|i think"
-    r"|i guess|t\.?b\.?[cd]\b|to be confirmed)"
-)
-_OPEN = re.compile(
-    r"(?i)\b(?:nobody knows|no one knows|unclear|undecided|disputed|conflicting|which is right)"
-)
+_HEDGE, _OPEN = (re.compile(words()["hedges"][kind]) for kind in ("hedge", "open"))
 _LISTS = ("character", "numbers", "comparisons")  # fields that a clause has from its draft
 _SAME = ("phrase", "kind", "coating", "filling", "blend")
 _SAYS = ("material", "unknown", "excluded", "levels", *_LISTS, "coating", "filling", "blend")
@@ -881,7 +875,8 @@ def clause_of(text: str, draft: Draft, lexicon: ReaderLexicon) -> Clause:
         and not (head and word.isalpha() and re.search(rf"{word}[ -]{re.escape(head)}", text))
         and word not in words()["states"]["words"] and not lexicon.model.is_noun(word.lower())
     ]  # fmt: skip
-    left = [word for word in left if word not in idle]
+    # Nor do other words for what was taken: "POM (black acetal)"
+    left = [x for x in left if x not in idle and not (row and lexicon.row_called(x) is row)]
     told = [Note("reader.beside_left", word=word) for word in left]
     if idle:
         said = ", ".join(map(repr, dict.fromkeys(idle)))

@@ -35,11 +35,6 @@ ROLES = (
 )  # fmt: skip
 CLS, SEP = 101, 102  # tokens of BERT
 LONGEST_QUESTION = 96  # tokens; the names of more neighbours are left out
-_SIDES = {
-    "l": "left", "lh": "left", "r": "right", "rh": "right",
-    "fl": "front left", "fr": "front right", "rl": "rear left", "rr": "rear right",
-    "bl": "rear left", "br": "rear right",
-}  # fmt: skip
 _CUT = re.compile(r"(?<=[a-z])(?=[A-Z])|(?<=[^\W\d_])(?=\d)|(?<=\d)(?=[^\W\d_]{2})|[\W_]+")
 _NUMBER = re.compile(r"(?: \d+)+$")
 
@@ -49,7 +44,7 @@ def shown_name(name: str) -> str:
     """Words of a part's name: "legFL_01" -> "leg front left 1"."""
     words = [word for word in _CUT.split(name) if word]
     shown = [
-        _SIDES.get(word.lower(), word.lower()) if i else word.lower()
+        lists()["sides"].get(word.lower(), word.lower()) if i else word.lower()
         for i, word in enumerate(words)
     ]
     return " ".join(str(int(w)) if w.isdecimal() else w for w in shown) or "part"
@@ -217,7 +212,7 @@ def load_tagger() -> Tagger:
 
 # Least certainty of the tagger to be heard where the grammar is in doubt, where it is not, and to
 # be told where it is not heard; chosen on the eleventh set, on which neither had been made.
-LIKELY, SURE, TOLD = 0.9, 0.995, 0.7
+LIKELY, SURE, TOLD = 0.6, 0.98, 0.6
 _DECIDING = ("matter", "number", "relation", "content")
 
 

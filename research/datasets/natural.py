@@ -21,6 +21,7 @@ from . import sweethome3d
 from .one_piece import OnePiece
 
 DATA = Path(__file__).parent / "data"
+PARTS = "parts.toml"
 
 
 class Meant(NamedTuple):
@@ -55,10 +56,12 @@ class Natural(NamedTuple):
         return np.array([of.get(slot, -1) for slot in slots], dtype=int)
 
 
-def naturals(sources: Sequence[str], folder: Path = DATA) -> list[Natural]:
-    """Return all sentences about objects of these sources."""
+def naturals(
+    sources: Sequence[str], files: str = "naturals*.toml", folder: Path = DATA
+) -> list[Natural]:
+    """Return all sentences about objects of these sources; of ``PARTS`` what their parts are."""
     found = []
-    for path in sorted(folder.glob("naturals*.toml")):
+    for path in sorted(folder.glob(files)):
         for item in tomllib.loads(path.read_text(encoding="utf-8"))["objects"]:
             if item["source"] in sources:
                 clauses = (

@@ -22,7 +22,7 @@ from ...predictors.appearance.features import PLAIN_FINISH
 from ...predictors.encoders.registry import TextEncoder
 from ...predictors.matter import FEATURES, measure
 from ...predictors.regions.measures import MEASURES, measured
-from ...predictors.regions.network import categories, contact_share, part_vector, part_words
+from ...predictors.regions.network import categories, part_vector, part_words
 from ...predictors.regions.network import kind_index as kind_of_material
 from ...predictors.regions.segment import MOST, segment
 from ...predictors.text.reader import parse
@@ -90,7 +90,7 @@ def region_sets(name: str, piece: OnePiece, kinds: Sequence[int] | None = None) 
         np.add.at(cells, (region, piece.slot), 1)
         out.append(
             RegionSet(
-                name, shells, found.values, contact_share(found.contact), cells, piece.slots,
+                name, shells, found.values, found.contact, cells, piece.slots,
                 tuple(kinds or [-1] * len(piece.slots)),
             )
         )  # fmt: skip
@@ -194,10 +194,52 @@ def procedural(
 
 
 class Sentence(NamedTuple):
-    """Clauses (words for parts, for a material, and the slots), and slots of which none speaks."""
+    """Clauses (words for parts, for a material, and the slots), and slots of which none speaks.
+
+    ``anew``: Whether nobody said it so.
+    """
 
     clauses: Sequence[tuple[str, str, Sequence[str]]]
     unsaid: Sequence[str] = ()
+    anew: bool = False
+
+
+def said_anew(
+    said: Sequence[Sentence],
+    parts: Sequence[tuple[str, str, Sequence[str]]],
+    count: int,
+    rng: np.random.Generator,
+) -> list[Sentence]:
+    """Return sentences of some of a thing's parts, half of them with the largest part first.
+
+    Words for each part and its matter are those of ``parts``, the largest first, or of anybody who
+    spoke of the same slots; one part in three that has other names gets one of them.
+    """
+    from .parts import part_kinds
+
+    kinds = part_kinds().values()
+    others = {word: kind.words for kind in kinds for word in kind.words}
+    heard: dict[frozenset[str], list[tuple[str, str]]] = {}
+    for part, matter, slots in (*parts, *(clause for one in said for clause in one.clauses)):
+        heard.setdefault(frozenset(slots), []).append((part, matter))
+    out: dict[str, Sentence] = {}
+    for _ in range(count):
+        few = len(parts) > 2 and rng.random() < 0.6
+        chosen = rng.choice(
+            len(parts), rng.integers(2, len(parts) + 1) if few else len(parts), False
+        )
+        chosen = chosen if rng.random() < 0.5 else np.sort(chosen)
+        clauses = []
+        for _, _, slots in (parts[i] for i in chosen):
+            words, matters = zip(*heard[frozenset(slots)], strict=True)
+            part = str(rng.choice(words))
+            if part.lower() in others and rng.random() < 1 / 3:
+                part = str(rng.choice(others[part.lower()]))
+            clauses.append((part, str(rng.choice([*filter(None, matters)])), slots))
+        unsaid = [slot for i in range(len(parts)) if i not in chosen for slot in parts[i][2]]
+        unsaid = unsaid if rng.random() < 0.5 else []
+        out.setdefault(json.dumps(clauses), Sentence(clauses, unsaid, anew=True))
+    return [*out.values()] if len(parts) > 1 else []
 
 
 def spoken_of(made: Procedural, rng: np.random.Generator) -> Sentence:
@@ -243,7 +285,7 @@ class RegionCorpus:
     real (T,): Whether a thing is real.
     slot_values (T, slots, features), slot_kinds (T, slots): What ``matter.measure`` says of the
         slots of a real thing, NaN of none, and the kinds that their names tell.
-    of (Q,): The thing that a sentence is about.
+    of, anew (Q,): The thing that a sentence is about, and whether nobody said it so.
     part (Q, clauses, options), material (Q, clauses): Places in ``words`` and ``materials``; the
         first option is the whole phrase.
     clause (Q, slots): Clause that speaks of a slot; ``NULL`` where it is known that none does.
@@ -263,6 +305,7 @@ class RegionCorpus:
     slot_values: np.ndarray
     slot_kinds: np.ndarray
     of: np.ndarray
+    anew: np.ndarray
     part: np.ndarray
     material: np.ndarray
     clause: np.ndarray
@@ -353,12 +396,12 @@ def as_corpus(
                 part[k, : len(options)] = [words.setdefault(word, len(words)) for word in options]
                 material[k] = materials.setdefault(matter, len(materials)) if matter else -1
                 clause[[i for i, slot in enumerate(slots_of[name]) if slot in of]] = k
-            rows.append((number[name], part, material, clause))
+            rows.append((number[name], sentence.anew, part, material, clause))
     known = categories(table)
     found_rows = [row_of(name, table) for name in materials]
-    of, part, material, clause = map(np.array, zip(*rows, strict=True))
+    of, anew, part, material, clause = map(np.array, zip(*rows, strict=True))
     return RegionCorpus(
-        **corpus, slot_values=slot_values, slot_kinds=slot_kinds, of=of, part=part,
+        **corpus, slot_values=slot_values, slot_kinds=slot_kinds, of=of, anew=anew, part=part,
         material=material, clause=clause,
         word_vectors=np.stack([part_vector(word, encoder) for word in words]),
         material_vectors=encoder.text([*materials]),

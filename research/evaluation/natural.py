@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from itertools import pairwise
 from typing import Any
@@ -22,6 +22,7 @@ from ...predictors.assign import predict_materials
 from ...predictors.film.predictor import FilmPredictor
 from ...predictors.grid import Grid, PartVoxels
 from ...predictors.prediction import Prediction
+from ...predictors.regions.division import cut
 from ...predictors.text.reader import read_sentence
 from ..datasets.natural import Natural
 from ..datasets.one_piece import OnePiece
@@ -87,16 +88,19 @@ def score(
         return None
     wanted, at = rows[truth], tuple(piece.cells.T)
     right: dict[str, float] = {}
+    parts, seen = as_seen(piece)
+    colours = as_seen(piece, scan=True)[1]
+    bound = read_sentence(natural.text, parts.part_labels, table)
+    known = {"predictor": "film", "table": table}
 
-    def assigned(parts: PartVoxels, seen: Appearance, **given: Any) -> Prediction:
-        bound = read_sentence(natural.text, parts.part_labels, table)
-        return predict_materials(
-            parts, bound, predictor="film", appearance=lambda: seen, table=table, **given
-        )
+    def assigned(shown: Appearance, **given: Any) -> Prediction:
+        return predict_materials(parts, bound, appearance=lambda: shown, **known, **given)
+
+    def rows_of(made: Prediction) -> np.ndarray:
+        return np.array([choice.row.name for choice in made.choices])[made.parts.part[at]]
 
     def share(made: Prediction) -> float:
-        got = np.array([choice.row.name for choice in made.choices])[made.parts.part[at]]
-        return float((got == wanted)[scored].mean())
+        return float((rows_of(made) == wanted)[scored].mean())
 
     def ceiling(made: Prediction) -> tuple[float, np.ndarray]:
         """Share that the best clause of each region gives, and that clause."""
@@ -106,28 +110,25 @@ def score(
         np.add.at(table_of, (region[scored], truth[scored]), 1)
         return float(table_of.max(axis=1).sum() / scored.sum()), table_of.argmax(axis=1)
 
-    parts, seen = as_seen(piece)
-    made = assigned(parts, seen)
+    uncut = cut(piece.cells, seen, "z")
+    made = assigned(seen, regions_of=lambda: uncut)
     right[NETWORK] = share(made)
     bindings = [choice.binding for choice in made.choices if choice.binding]
-    got = np.array([choice.row.name for choice in made.choices])[made.parts.part[at]]
-    sentence = read_sentence(natural.text, parts.part_labels, table).sentence
-    read = {table.exact(one.material).name for one in sentence.clauses if one.material}
+    got = rows_of(made)
+    read = {table.exact(one.material).name for one in bound.sentence.clauses if one.material}
     foreign = float((~np.isin(got, [*read]))[scored].mean())
     if made.regions is not None:
         right[CEILING], best = ceiling(made)
         # the user names the region where most is wrong
         region = made.regions.number[at] - 1
         wrong = (got != rows[best][region]) & scored
-        worst = int(np.bincount(region[wrong]).argmax()) if wrong.any() else -1
-        mended = got.copy()
-        if worst >= 0:
+        right[CLICK] = right[NETWORK]
+        if wrong.any():
+            worst = int(np.bincount(region[wrong]).argmax())
             text = natural.clauses[best[worst]].material
-            clicked = assigned(parts, seen, regions={worst + 1: text})
-            mended = np.array([c.row.name for c in clicked.choices])[clicked.parts.part[at]]
-        right[CLICK] = float((mended == wanted)[scored].mean())
-    plain, colours = as_seen(piece, scan=True)
-    made_scan = assigned(plain, colours)
+            clicked = assigned(seen, regions_of=lambda: uncut, regions={worst + 1: text})
+            right[CLICK] = share(clicked)
+    made_scan = assigned(colours)
     right[SCAN] = share(made_scan)
     if made_scan.regions is not None:
         right[CEILING_SCAN] = ceiling(made_scan)[0]
@@ -136,9 +137,13 @@ def score(
     worn = (worn + 0.02 * rng.normal(size=worn.shape)).clip(0, 1)
     shown = Appearance(np.zeros_like(colours.colours))  # type: ignore
     shown.colours[at] = worn  # type: ignore
-    right[WORN] = share(assigned(plain, shown))
-    if film is not None:
-        right[FILM] = share(film.predict(parts, sentence, appearance=lambda: seen))
+    right[WORN] = share(assigned(shown))
+    if film is not None:  # the only part is left to it, whatever words make of it
+        choices = film.lookup.settle(parts.part_labels, bound, volumes=parts.volumes).choices
+        left = [replace(choice, settled=False) for choice in choices]
+        right[FILM] = share(
+            film.predict(parts, bound.sentence, choices=left, appearance=lambda: seen)
+        )
     right[LARGEST] = float(volume.max() / scored.sum())
     right[FIRST] = float(volume[0] / scored.sum())
     return Scored(
@@ -176,10 +181,13 @@ def evaluate_natural(
     table, began = load_table(), time.monotonic()
     predictor = cache(FilmPredictor)
     scored = []
-    for key, piece in pieces:
+    count = len({one.key for one in naturals})
+    for number, (key, piece) in enumerate(pieces):
         for natural in (one for one in naturals if one.key == key):
             if progress:
-                progress(f"{key}, {piece.name}", time.monotonic() - began)
+                taken = time.monotonic() - began
+                left = f", {taken * (count - number) / number:.0f} s left" if number else ""
+                progress(f"{number + 1} of {count}: {key}, {piece.name}{left}", taken)
             found = score(natural, piece, table, film=predictor() if film else None)
             if found is not None:
                 scored.append(found)

@@ -56,6 +56,18 @@ def test_past_buckling_is_said():
     assert "buckles" in found["holds shape"].sentence
 
 
+def test_a_factor_within_what_a_mesh_errs_by_is_in_doubt():
+    """Just under Greenhill's length nothing is green; a tenth of load less is."""
+    height = (7.837 * E * H**2 / 12 / (9.81 * RHO)) ** (1 / 3)
+    outcomes = []
+    for of_load in (1 / 1.05, 1 / 1.2):
+        mesh = box_mesh((H, H, height), (1, 1, 20))
+        factor = sag(with_uniform(mesh, E=E, nu=0.3, rho=RHO * of_load), law="linear").load_factor
+        assert factor.value == pytest.approx(1 / of_load, rel=0.03)  # slenderness 24: shear .5 %
+        outcomes.append(verdicts.buckling(factor).outcome)
+    assert outcomes == ["doubtful", "passed"]
+
+
 def test_what_is_drawn_does_not_buckle():
     """A hanging column is drawn everywhere: no multiple of its weight buckles it."""
     factor = hang(column()).load_factor

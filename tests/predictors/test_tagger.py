@@ -141,3 +141,25 @@ def test_the_second_opinion_fills_what_the_grammar_leaves_and_keeps_the_rest():
     rows = [{found.sentence.clauses[k].material for k in part.clauses} for part in found.parts]
     assert rows == [{table.phrases[p].name} for p in ("soft foam", "oak", "steel")]
     assert with_second_opinion(whole, labels, table) == whole
+
+
+def test_a_reading_of_other_values_that_is_not_sure_is_a_doubt_and_changes_nothing(monkeypatch):
+    from autophyx_tet.fem.table import load_table
+    from autophyx_tet.predictors.text import tagger
+    from autophyx_tet.predictors.text.reader import read_sentence
+
+    labels, table = [("seat",), ("leg",)], load_table()
+    text = "the seat is oak, the leg is steel; brass"
+    words = (tagger.Words("matter", text.index("brass"), len(text)),)
+
+    def told(certainty):
+        said = [tagger.Said(words, certainty), tagger.Said((), 1.0)]
+        fixed = type("Fixed", (), {"said": lambda *_: said})()
+        monkeypatch.setattr(tagger, "load_tagger", lambda: fixed)
+        found = tagger.with_second_opinion(read_sentence(text, labels, table), labels, table)
+        (seat,) = (found.sentence.clauses[k] for k in found.parts[0].clauses)
+        return seat.material, [note.kind for note in seat.doubts]
+
+    oak = table.phrases["oak"].name
+    assert told(0.5 * (tagger.TOLD + tagger.SURE)) == (oak, ["tagger.differs"])
+    assert told(0.99 * tagger.TOLD) == (oak, [])

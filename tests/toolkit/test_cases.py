@@ -44,7 +44,30 @@ def expect(path, volumes, *, size=None, told=(), **options):
     return found
 
 
+@pytest.mark.parametrize(
+    ("name", "way"),
+    [
+        ("part.x_t", "STEP"), ("body.CATPart", "STEP"), ("asm.iam", "STEP"), ("a.FCStd", "STEP"),
+        ("model.3dxml", "STEP"), ("chair.blend", "glTF"), ("house.usdz", "glTF"), ("a.ztl", "glTF"),
+        ("scan.e57", "PLY, LAS or XYZ"), ("plate.gcode", "sliced"), ("asm.stpz", "unpack"),
+        ("chair.mtl", "the .obj"), ("chair.png", "wanted a shape"),
+    ],
+)  # fmt: skip
+def test_files_of_other_programs_are_refused_by_their_name(tmp_path, name, way):
+    (tmp_path / name).write_bytes(b"0" * 99)
+    with pytest.raises(InputError, match=rf"\.{name.split('.')[1].lower()} files are not.*{way}"):
+        load_asset(tmp_path / name)
+
+
 # glTF
+
+
+def test_vrm_is_gltf(tmp_path):
+    """An avatar: the bones and springs of its extensions change no shape."""
+    g = Gltf(extensionsUsed=["VRMC_vrm", "VRMC_springBone"])
+    g.node(mesh=g.mesh(g.cube()), name="body")
+    (tmp_path / "a.vrm").write_bytes(g.write(tmp_path / "a.glb").read_bytes())
+    expect(tmp_path / "a.vrm", {"body": 1})
 
 
 def test_gltf_instances_are_placed(tmp_path):
@@ -255,7 +278,14 @@ def test_3mf_supports_and_helpers_are_no_matter(tmp_path, kind):
         load_asset(only)
 
 
-def test_3mf_parts_of_slicers_have_names_and_modifiers_are_left_out(tmp_path):
+@pytest.mark.parametrize(
+    ("kind", "told"),
+    [
+        ("ParameterModifier", "kind ParameterModifier are no matter"),
+        ("NegativeVolume", "the holes that a slicer cuts with them are full here"),
+    ],
+)
+def test_3mf_parts_of_slicers_have_names_and_modifiers_are_left_out(tmp_path, kind, told):
     """PrusaSlicer keeps volumes as ranges of triangles, Bambu Studio as components."""
     both = writers.threemf_mesh(
         np.concatenate([CORNERS * 10, CORNERS * 10 + [20, 0, 0], CORNERS * 40]),
@@ -269,14 +299,14 @@ def test_3mf_parts_of_slicers_have_names_and_modifiers_are_left_out(tmp_path):
         "Metadata/Slic3r_PE_model.config": '<config><object id="1">'
         + volume(0, 11, "leg", "ModelPart")
         + volume(12, 23, "seat", "ModelPart")
-        + volume(24, 35, "denser", "ParameterModifier")
+        + volume(24, 35, "denser", kind)
         + "</object></config>"
     }
     path = writers.threemf(
         tmp_path / "a.3mf", f'<object id="1" type="model">{both}</object>', '<item objectid="1"/>',
         settings=settings,
     )  # fmt: skip
-    expect(path, {"leg": 1e-6, "seat": 1e-6}, told="kind ParameterModifier")
+    expect(path, {"leg": 1e-6, "seat": 1e-6}, told=told)
 
 
 def test_3mf_a_required_extension_that_is_not_read_is_named(tmp_path):
@@ -375,6 +405,22 @@ def test_obj_names_in_other_alphabets(tmp_path, encoding, names):
     expect(path, dict.fromkeys(names, 1))
 
 
+def test_obj_options_before_the_name_of_a_texture(tmp_path):
+    """-s, -o, -bm and -clamp take numbers; what is left, blanks and all, is the name."""
+    from PIL import Image
+
+    for name in ("oak 1.png", "2.png"):
+        Image.new("RGB", (2, 2), (200, 100, 50)).save(tmp_path / name)
+    options = "-s 1 1 1 -o .5 0 -bm 1.0 -clamp on"
+    (tmp_path / "a.mtl").write_text(
+        f"newmtl oak\nmap_Kd {options} oak 1.png\nnewmtl ash\nmap_Kd -s 1 1 2.png\n"
+    )
+    leg = ["mtllib a.mtl", "o leg", "usemtl oak", *obj_cube()]
+    top = ["o top", "usemtl ash", *obj_cube(at=2, first=8)]
+    (tmp_path / "a.obj").write_text("\n".join(leg + top))
+    expect(tmp_path / "a.obj", {"leg": 1, "top": 1})  # no texture is told as missing
+
+
 def test_obj_groups_inside_an_object_are_its_parts(tmp_path):
     path = tmp_path / "a.obj"
     lines = ["o chair"]
@@ -412,6 +458,15 @@ def test_ply_polygons_of_several_lengths(tmp_path, form):
     for polygons in (mixed, QUADS.tolist(), TRIANGLES.tolist()):
         path.write_bytes(writers.ply(CORNERS, polygons, form=form))
         expect(path, {"a": 1}, size=(1, 1, 1))
+
+
+def test_ply_decimal_commas_are_named(tmp_path):
+    head = "ply\nformat ascii 1.0\nelement vertex 3\n"
+    head += "".join(f"property float {axis}\n" for axis in "xyz")
+    head += "element face 1\nproperty list uchar int vertex_indices\nend_header\n"
+    (tmp_path / "a.ply").write_text(head + "0,5 0 0\n1 0 0\n0 1,5 0\n3 0 1 2\n")
+    with pytest.raises(InputError, match="decimal commas"):
+        load_asset(tmp_path / "a.ply")
 
 
 def test_ply_text_of_one_line(tmp_path):

@@ -199,6 +199,23 @@ def test_motions_that_nothing_resists_are_told(tmp_path):
     assert "is stiff" not in said
 
 
+def test_nothing_is_good_of_a_rest_that_was_not_found(monkeypatch):
+    """A beam rolled up by a torque, exact w = 0.46 L: 0.50 L by the linear answer, which is told.
+
+    Its mesh leaves 1 % of that, and it is below its linear buckling load: both are in doubt.
+    """
+    monkeypatch.setattr("autophyx_tet.fem.solve.path.MOST_FACTORS", 2)
+    monkeypatch.setattr("autophyx_tet.fem.solve.path.LEAST_FACTORS", 2)
+    mesh = with_uniform(box_mesh((1.0, 0.04, 0.04), (10, 2, 2)), E=1e8, nu=0.0, rho=1e3)
+    torque = {"plane:x>1": (0.0, -1e8 * 0.04**4 / 12, 0.0)}
+    found = simulate(mesh, fix=["plane:x<0"], torque=torque, gravity=0)
+    assert not found.solved.trusted
+    outcomes = {check.name: check.outcome for check in found.verdicts()}
+    assert outcomes["holds shape"] == "failed"
+    assert outcomes["discretisation"] == outcomes["buckling"] == "doubtful"
+    assert "linear answer: how it comes to lie was not found" in found.verdicts()[2].sentence
+
+
 def test_a_ball_is_not_driven_through_what_is_held(tmp_path):
     """A ball of .02 m at 3 m/s reaches the clamped base of a cube .28 m below after .093 s."""
     path = tmp_path / "cube.msh"

@@ -37,7 +37,7 @@ ASSET_FORMATS: Registry[Format] = Registry(
         ".stl": "readers:STL",
         ".off": "readers:OFF",
         ".glb": "gltf:GLTF",
-        ".gltf": "gltf:GLTF",
+        **dict.fromkeys((".vrm", ".gltf"), "gltf:GLTF"),
         ".3mf": "threemf:THREEMF",
         ".dae": "collada:COLLADA",
         ".fbx": "foreign:FBX",
@@ -201,6 +201,8 @@ def read_content(path: Path, data: bytes, references: References) -> AssetConten
         raise type(error)(f"{path}: {error}") from error
     except Exception as error:  # a parser of untrusted bytes may raise anything
         reason = " ".join(f"{type(error).__name__}: {error}".split())[:300]
+        if re.search(r"string to float: .*\d,\d", reason):
+            raise InputError("obj.commas", path=path) from error
         raise InputError(
             f"{path}: is not a valid {suffix[1:]} file ({reason}): export it again"
         ) from error

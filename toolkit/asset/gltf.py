@@ -42,6 +42,7 @@ HARMLESS = (
     "KHR_animation_", "KHR_xmp", "KHR_techniques_", "KHR_node_selectability", "KHR_audio",
     "KHR_node_hoverability", "MSFT_lod", "EXT_mesh_manifold", "EXT_mesh_features", "AGI_",
     "EXT_structural_metadata", "KHR_interactivity", "KHR_xmp_json_ld", "CESIUM_primitive_outline",
+    "VRM", "FB_ngon_encoding",
 )  # fmt: skip
 
 
@@ -93,7 +94,10 @@ def read_gltf(path: Path, data: bytes, references: References) -> AssetContent:
 
 
 GLTF = Format(
-    "glTF", (".glb", ".gltf"), read=read_gltf, keeps=frozenset({Keeps.UNIT, Keeps.UP, Keeps.PARTS})
+    "glTF",
+    (".glb", ".gltf", ".vrm"),
+    read=read_gltf,
+    keeps=frozenset({Keeps.UNIT, Keeps.UP, Keeps.PARTS}),
 )
 
 

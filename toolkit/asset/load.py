@@ -41,10 +41,18 @@ COORDINATE_LIMIT = 1e12  # squares and volumes of larger numbers leave float64
 UNREAD = {
     **dict.fromkeys((".blend", ".max", ".ma", ".mb", ".c4d", ".skp"), "export it as glTF"),
     **dict.fromkeys((".usd", ".usda", ".usdc", ".usdz", ".abc"), "export it as glTF"),
+    **dict.fromkeys((".ztl", ".zpr", ".spp", ".bvh", ".vox", ".pmx"), "export it as glTF"),
     **dict.fromkeys((".ifc", ".dxf", ".dwg", ".3dm", ".rvt"), "export its solids as STEP or glTF"),
     **dict.fromkeys((".sldprt", ".sldasm", ".ipt", ".f3d", ".prt", ".brep"), "export it as STEP"),
+    **dict.fromkeys((".iam", ".f3z", ".catpart", ".catproduct", ".par"), "export it as STEP"),
+    **dict.fromkeys((".x_t", ".x_b", ".sat", ".sab", ".jt", ".fcstd", ".asm"), "export it as STEP"),
+    **dict.fromkeys((".3dxml", ".cgr", ".scad", ".u3d", ".prc"), "export it as STEP, 3MF or glTF"),
     **dict.fromkeys((".wrl", ".vrml", ".amf", ".ctm"), "export it as glTF or 3MF"),
-    **dict.fromkeys((".zip", ".rar", ".7z", ".gz"), "unpack it first"),
+    **dict.fromkeys((".e57", ".pts", ".ptx", ".rcs", ".rcp"), "save the cloud as PLY, LAS or XYZ"),
+    **dict.fromkeys((".gcode", ".bgcode", ".ctb", ".sl1"), "give the model that was sliced"),
+    **dict.fromkeys((".mtl", ".bin", ".ktx2"), "give the .obj or .gltf that names it"),
+    **dict.fromkeys((".png", ".jpg", ".jpeg", ".heic", ".mp4", ".mov"), "wanted a shape"),
+    **dict.fromkeys((".zip", ".rar", ".7z", ".gz", ".stpz"), "unpack it first"),
 }
 MOST_NOTE = 4 << 20  # bytes: a web page or a pointer is smaller
 

@@ -190,6 +190,13 @@ def _names(pieces: dict[_Piece, Any]) -> list[tuple[str, ...]]:
     return [(own[p.number, p.group], p.object, p.group) for p in pieces]
 
 
+# Options of a texture, before its name, which may have blanks: -s 1 1 1, -bm .5, -clamp on.
+_MAP_OPTIONS = re.compile(
+    rb"(?im)^(\s*map_kd)(?:[ \t]+-(?:[ost](?:[ \t]+[-+\d.e]+(?=[ \t])){1,3}|mm[ \t]+\S+[ \t]+\S+"
+    rb"|\w+[ \t]+\S+))+"
+)
+
+
 def _materials(libraries: list[str], references: References) -> dict[str, dict[str, Any]]:
     """Materials of the libraries by name; those that are missing are told by the references."""
     found: dict[str, dict[str, Any]] = {}
@@ -197,7 +204,8 @@ def _materials(libraries: list[str], references: References) -> dict[str, dict[s
         from trimesh.exchange.obj import parse_mtl
 
         try:
-            found |= parse_mtl(references.get(library), resolver=references)
+            text = _MAP_OPTIONS.sub(rb"\1", references.get(library))
+            found |= parse_mtl(text, resolver=references)
         except FileNotFoundError:
             continue
     for name, material in found.items():

@@ -64,9 +64,12 @@ def read_threemf(path: Path, data: bytes, references: References) -> AssetConten
                 surfaces.append(piece)
                 if len(surfaces) > MOST_PIECES:
                     raise InputError("threemf.pieces", path=path, most=MOST_PIECES)
-    warnings = [
-        Note("threemf.left_out", count=count, kind=kind) for kind, count in package.left.items()
-    ]
+    warnings = []
+    for kind, count in package.left.items():
+        told = Note("threemf.left_out", count=count, kind=kind)
+        if kind.lower().startswith("negative"):
+            told = Note("threemf.hole", count=count, kind=kind)
+        warnings.append(told)
     if not surfaces:
         raise InputError("threemf.empty", path=path, left=", ".join(warnings) or "its build")
     return AssetContent(surfaces, metres=metres, up="z", warnings=(*package.warnings, *warnings))

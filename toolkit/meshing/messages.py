@@ -11,6 +11,7 @@ from ...predictors.construction import IN_ITS_SHAPE, head_of_name, kinds_named
 from ..asset.solids import hull_fraction
 from .guarantees import (
     BROKEN,
+    LEFT_OUT,
     LOSS_TOLD,
     MOST_LOST,
     SHARE_TOLD,
@@ -21,8 +22,9 @@ from .guarantees import (
 from .meshers import FTETWILD, PARTICLES, STUFFING
 
 MOST = 5  # names that a sentence lists, and sentences of a conversion
-# Kinds of what is left out: one sentence where there are more than so many.
-LEFT_OUT = {f"messages.{kind}" for kind in ("floaters", "sheets", "thin", "lost", "sheet_share")}
+# Kinds of what is left out, and of how it was made: one sentence where there are more than so many.
+OMITTED = ("floaters", "sheets", "thin", "lost", "sheet_share")
+MAKING = ("attempts", "wider", "too_long", "far", "finer", "over_budget")
 KEPT_BY = 0.95  # of a plate's thickness: the envelope that keeps it
 FINEST = 1e-4  # of the diagonal: an epsilon that no engine keeps in an hour
 
@@ -72,24 +74,31 @@ def said(report: ConversionReport, layers: int = 1, max_tets: int | None = None)
     if report.hollow:
         told.append(Note("messages.hollow", parts=listed(report.hollow)))
     failed = [attempt.outcome for attempt in report.attempts if attempt.outcome != "ok"]
+    if report.mesher == STUFFING and report.attempts[0].engine != STUFFING:
+        del failed[0]  # told above
     if failed and report.mesher != PARTICLES:
         count, why = len(report.attempts), "; ".join(failed)
         told.append(Note("messages.attempts", failed=len(failed), count=count, why=why))
     asked, kept = report.asked_epsilon, report.epsilon
     if kept > asked and not lattice:
         told.append(Note("messages.wider", kept=kept, asked=asked, edge=report.edge_length))
-    if len(told) > MOST:  # what is left out in one, before nobody reads them
-        left = [note for note in told if getattr(note, "kind", "") in LEFT_OUT]
-        if len(left) > 1:
-            at = told.index(left[0])
-            told = [note for note in told if note not in left]
-            told.insert(at, Note("messages.left", what="; ".join(left)))
+    for kinds in (OMITTED, MAKING):
+        alike = [note for note in told if getattr(note, "kind", "")[len("messages.") :] in kinds]
+        if len(told) > MOST and len(alike) > 1:  # before nobody reads them
+            at, what = told.index(alike[0]), "; ".join(alike)
+            one = Note("messages.left", what=what)
+            if kinds is MAKING:
+                one = Note("messages.how", what=what)
+            told = [note for note in told if note not in alike]
+            told.insert(at, one)
     return tuple(told)
 
 
 def differences(report: ConversionReport) -> tuple[str, ...]:
     """Sentences about what the mesh joins, cuts off, blurs or leaves out of the file's body."""
-    told, edge = [*report.failed], f"the lattice's edge of {report.edge_length:.3g} m"
+    named = report.losses.thin > MOST_LOST  # thin pieces say so by name
+    told = [g.sentence for g in report.guarantees if not (g.ok or (named and g.name == LEFT_OUT))]
+    edge = f"the lattice's edge of {report.edge_length:.3g} m"
     finer = "a shorter --edge-length or --mesher ftetwild"
     thinnest = f"the lattice's edge ({report.epsilon:.3g} m)"
     if report.mesher == PARTICLES:

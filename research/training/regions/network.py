@@ -8,11 +8,11 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from ....predictors.regions.measures import MEASURES
-from ....predictors.regions.network import EPSILON, HEADS, ORDER
+from ....predictors.regions.measures import MEASURES, PAIRS
+from ....predictors.regions.network import EPSILON, HEADS, ORDER, WORDS
 from ....predictors.text.parts import KINDS
 
-WIDTH, LAYERS, WORDS = 96, 3, 384
+WIDTH, LAYERS = 96, 3
 _FAR = -1e4  # of a logit that is to be none
 
 
@@ -24,12 +24,13 @@ class RegionBatch(NamedTuple):
     """
 
     region: Tensor
-    contact: Tensor
+    pairs: Tensor
     part: Tensor
     material: Tensor
     matter: Tensor
     order: Tensor
     evidence: Tensor
+    told: Tensor
     there: Tensor
     spoken: Tensor
     wanted: Tensor
@@ -50,7 +51,8 @@ class RegionTransformer(nn.Module):
         said = len(KINDS) + 1 + categories + ORDER
         self.region = head(len(MEASURES) + 1, width)
         self.part, self.material = nn.Linear(WORDS, width), nn.Linear(WORDS, width)
-        self.said, self.touch = nn.Linear(said, width), nn.Linear(1, HEADS)
+        self.said, self.touch = nn.Linear(said, width), nn.Linear(len(PAIRS), HEADS)
+        self.told = nn.Linear(width, width)
         self.kind = nn.Parameter(torch.randn(2, width) * 0.02)
         self.layers = nn.ModuleList(
             nn.ModuleDict(
@@ -67,9 +69,9 @@ class RegionTransformer(nn.Module):
         )
         self.regions_out = nn.LayerNorm(width, EPSILON)
         self.clauses_out = nn.LayerNorm(width, EPSILON)
-        self.pair = head(3 * width + 2, 1)
-        self.looks = nn.Linear(2, 1, bias=False)
-        nn.init.constant_(self.looks.weight, 0.3)
+        self.pair = head(3 * width + 3, 1)
+        self.looks = nn.Linear(3, 1, bias=False)
+        self.looks.weight.data = torch.tensor([[0.3, 0.3, 2.0]])  # what a user told weighs more
         self.drop, self.drop_words = nn.Dropout(drop), nn.Dropout(0.1)
 
     def forward(self, batch: RegionBatch) -> Tensor:
@@ -78,12 +80,14 @@ class RegionTransformer(nn.Module):
         c = self.said(torch.cat([batch.matter, batch.order], dim=-1))
         for layer, vectors in words:
             c = c + layer(self.drop_words(vectors))
+        of = batch.told.clamp(min=0)[..., None].expand(-1, -1, c.shape[2])
         r = self.region(batch.region)
+        r = r + self.told(c.gather(1, of)) * (batch.told >= 0)[..., None]
         x = torch.cat([r + self.kind[0], c + self.kind[1]], dim=1)
         present = torch.cat([batch.there, batch.spoken], dim=1)
         count, n, regions = *x.shape[:2], r.shape[1]
         bias = x.new_zeros(count, HEADS, n, n)
-        bias[:, :, :regions, :regions] = self.touch(batch.contact[..., None]).movedim(-1, 1)
+        bias[:, :, :regions, :regions] = self.touch(batch.pairs).movedim(-1, 1)
         bias = bias.masked_fill(~present[:, None, None], _FAR)
         for layer in self.layers:
             assert isinstance(layer, nn.ModuleDict)

@@ -30,7 +30,7 @@ class RegionConfig:
     """A training run of ``networks`` seeds; the data are those of one file."""
 
     options: TrainerOptions
-    networks: int = 3
+    networks: int = 4
     folds: int = FOLDS  # of which the certainty is learned; 0 leaves it as the network says it
     seed: int = 0
     habits: Habits = field(default_factory=Habits)
@@ -123,7 +123,8 @@ def scores_of_fold(
     """
     sampler = RegionSampler(corpus, seed=0, device=device, fold=fold)
     mine = np.flatnonzero((sampler.fold[corpus.thing] == fold) & ~corpus.varied)
-    pairs = np.array([(i, q) for i in mine for q in np.flatnonzero(corpus.of == corpus.thing[i])])
+    asked = [np.flatnonzero((corpus.of == i) & ~corpus.anew) for i in range(len(corpus.real))]
+    pairs = np.array([(i, q) for i in mine for q in asked[corpus.thing[i]]])
     shares, wanted = shares_of(networks, sampler, *pairs.T)
     out = []
     for share, cells, shells in zip(shares, wanted, corpus.shells[pairs[:, 0]], strict=True):

@@ -9,6 +9,7 @@ import torch
 from torch import Tensor
 
 from ....predictors.matter import CategoriesByAppearance
+from ....predictors.regions.measures import Measured, pairs_of
 from ....predictors.regions.network import ORDER, PLACES, standardised
 from ....predictors.text.parts import KINDS
 from ...datasets.region_sets import CLAUSES, NULL, RegionCorpus
@@ -61,6 +62,9 @@ class Habits:
     other_material: Clauses whose material becomes another of its kind.
     no_part, no_material: Sentences that name no parts, or no materials.
     dropped: Sentences that lose a clause: its regions are of the null clause.
+    anew: Sentences put together anew from what was said of a thing.
+    by_size: Sentences whose clauses stand by the volumes that they speak of, the largest first.
+    told: Things of which a user told the clause of one region, or of two.
     noise: Deviation of what is added to the standardised measures.
     """
 
@@ -71,6 +75,9 @@ class Habits:
     no_part: float = 0.15
     no_material: float = 0.15
     dropped: float = 0.15
+    anew: float = 0.35
+    by_size: float = 0.15
+    told: float = 0.25
     noise: float = 0.15
 
 
@@ -109,7 +116,11 @@ class RegionSampler:
             kind = torch.float32 if array.dtype.kind == "f" else None
             return torch.tensor(array, dtype=kind, device=device)
 
-        self.region, self.contact, self.there = put(region), put(corpus.contact), put(there)
+        self.region, self.there = put(region), put(there)
+        apart = [
+            pairs_of(Measured(*each)) for each in zip(corpus.values, corpus.contact, strict=True)
+        ]
+        self.pairs = put(np.stack(apart))
         self.cells, self.kinds, self.thing = put(corpus.cells), put(corpus.kinds), put(corpus.thing)
         self.evidence = put(evidence_of(corpus, self.fold))
         self.part, self.material = put(corpus.part), put(corpus.material)
@@ -120,12 +131,17 @@ class RegionSampler:
         self.materials = put(np.concatenate([corpus.material_vectors, none]))
         self.kind, self.category = put(corpus.material_kind), put(corpus.category)
         self.categories = len(corpus.facts["categories"])
-        things = len(corpus.real)
-        by_thing = [np.flatnonzero(corpus.of == i) for i in range(things)]
-        table = np.zeros((things, max(map(len, by_thing))), dtype=np.int64)
-        for i, own in enumerate(by_thing):
-            table[i, : len(own)] = own
-        self.sentences, self.count = put(table), put(np.array([*map(len, by_thing)]))
+        # of each thing those of the hands, and those put together anew, else the hands' again
+        own = [
+            [q if len(q) else by[0] for q in by]
+            for i in range(len(corpus.real))
+            for by in [[np.flatnonzero((corpus.of == i) & (corpus.anew == way)) for way in (0, 1)]]
+        ]
+        table = np.zeros((len(own), 2, max(len(q) for by in own for q in by)), dtype=np.int64)
+        for i, by in enumerate(own):
+            for way, q in enumerate(by):
+                table[i, way, : len(q)] = q
+        self.sentences, self.count = put(table), put(np.array([[*map(len, by)] for by in own]))
         self.of_kind = [torch.nonzero(self.kind == k)[:, 0] for k in range(len(KINDS))]
 
     def draw(self, n: int) -> RegionBatch:
@@ -139,8 +155,9 @@ class RegionSampler:
         ]
         sets = torch.cat(drawn)
         of = self.thing[sets]
-        at = (self._uniform(n) * self.count[of]).long()
-        return self.batch(sets, self.sentences[of, at], varied=True)
+        way = (self._uniform(n) < self.habits.anew).long()
+        at = (self._uniform(n) * self.count[of, way]).long()
+        return self.batch(sets, self.sentences[of, way, at], varied=True)
 
     def batch(self, sets: Tensor, sentences: Tensor, *, varied: bool) -> RegionBatch:
         """Return these sets with these sentences, as they are or varied."""
@@ -184,8 +201,11 @@ class RegionSampler:
             kind = torch.where(silent, -1, kind)
             # places in the sentence: shuffled, and without what is dropped
             key = torch.arange(CLAUSES, device=self.device) / CLAUSES + 2.0 * ~spoken
-            mixed = (self._uniform(n, 1) < habits.shuffled) & spoken
-            key = torch.where(mixed, self._uniform(n, CLAUSES), key)
+            way = self._uniform(n, 1)
+            key = torch.where((way < habits.shuffled) & spoken, self._uniform(n, CLAUSES), key)
+            by_size = 2.0 * ~spoken - size.sum(dim=1) / (cells.sum(dim=(1, 2))[:, None] + 1)
+            mine = (way >= habits.shuffled) & (way < habits.shuffled + habits.by_size)
+            key = torch.where(mine, by_size, key)
             drop = (self._uniform(n) < habits.dropped) & (count > 1)
             lost = (self._uniform(n) * count).long()
             gone = drop[:, None] & (torch.arange(CLAUSES, device=self.device) == lost[:, None])
@@ -208,7 +228,15 @@ class RegionSampler:
         )
         wanted = cells @ target.to(cells.dtype)
         region = self.region[sets]
+        of_user = torch.full(region.shape[:2], -1, device=self.device)
         if varied:
+            # regions of which a user tells the clause, large ones more often
+            known, size = wanted.sum(dim=2) > 0, cells.sum(dim=2)
+            chance = -torch.log(-torch.log(self._uniform(*size.shape)))  # Gumbel's
+            likely = (0.5 * torch.log(size + 1) + chance).masked_fill(~known, -torch.inf)
+            rank = likely.argsort(dim=1, descending=True).argsort(dim=1)
+            many = (self._uniform(n, 1) < habits.told) * (1 + (self._uniform(n, 1) < 0.4).long())
+            of_user = torch.where((rank < many) & known, wanted.argmax(dim=2), -1)
             noise = torch.randn(region.shape, generator=self.generator, device=self.device)
             noise[..., -1] = 0.0  # the flag
             region = region + habits.noise * noise
@@ -228,7 +256,9 @@ class RegionSampler:
         ratio = torch.gather(evidence, 2, index) * (kind >= 0)[:, None]
         tells = (kind >= 0)[:, None].expand_as(ratio).float()
         pair = torch.stack([ratio, tells], dim=-1)
-        null = pair.new_zeros(*pair.shape[:2], 1, 2)
+        pair = torch.cat([pair.new_zeros(*pair.shape[:2], 1, 2), pair], dim=2)
+        said = 2.0 * torch.nn.functional.one_hot(of_user.clamp(min=0), CLAUSES + 1) - 1
+        pair = torch.cat([pair, (said * (of_user >= 0)[..., None])[..., None]], dim=3)
         place = torch.arange(CLAUSES, device=self.device)
         order = torch.zeros(n, CLAUSES + 1, ORDER, device=self.device)
         order[:, 1:, :PLACES] = torch.eye(PLACES, device=self.device)[place.clamp(max=PLACES - 1)]
@@ -237,9 +267,9 @@ class RegionSampler:
         order[:, 0, PLACES + 2] = 1.0
         always = torch.ones(n, 1, dtype=torch.bool, device=self.device)
         return RegionBatch(
-            region, self.contact[sets], with_null(self.words[part]),
+            region, self.pairs[sets], with_null(self.words[part]),
             with_null(self.materials[material]), with_null(matter), order,
-            torch.cat([null, pair], dim=2), self.there[sets],
+            pair, of_user, self.there[sets],
             torch.cat([always, spoken], dim=1), wanted,
         )  # fmt: skip
 

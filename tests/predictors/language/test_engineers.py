@@ -32,6 +32,7 @@ FORMS = {
     "price target 12 EUR.": "housing shaft",
     "shaft: was C45, now 42CrMo4+QT; housing unchanged (EN AC-46000)": "housing shaft",
     "Change: shaft C45 -> 42CrMo4. Housing stays EN AC-46000.": "housing shaft",
+    "housing;EN AC-46000\nshaft;42CrMo4": "housing shaft",
 }  # fmt: skip
 
 
@@ -146,3 +147,53 @@ def test_a_language_that_is_not_read_says_nothing_of_any_part():
     found, told = read("lid box", "Scatola in legno di noce, coperchio in ottone")
     assert all(choice.guessed for choice in found.values())
     assert len([line for line in told if "language" in line]) == 1
+
+
+IN_ORDER = [
+    ("a_1 b_1 c_1", "The a_1, the b_1 and the c_1 are oak, steel and rubber respectively."),
+    ("Body_1 Body_2 Body_3", "Body_1, Body_2 and Body_3 are oak, steel and rubber respectively."),
+    ("roller_1 roller_2 roller_3", "The rollers 1, 2 and 3 are oak, steel and rubber respectively"),
+    ("galet_1 galet_2 galet_3",
+     "Les galets 1, 2 et 3 sont respectivement en chêne, en acier et en caoutchouc."),
+    ("rodillo_1 rodillo_2 rodillo_3",
+     "Los rodillos 1, 2 y 3 son de roble, acero y caucho, respectivamente."),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("parts", "text"), IN_ORDER)
+def test_three_in_their_order(parts, text):
+    found, _ = read(parts, text)
+    rows = [TABLE.phrases[word] for word in ("oak", "steel", "rubber")]
+    assert [found[name].row for name in parts.split()] == rows
+
+
+@pytest.mark.parametrize(
+    ("name", "rho"),  # EN 10088-1, annex E: kg/dm3
+    [("1.4112", 7.7), ("X46Cr13", 7.7), ("15-5PH H900", 7.8), ("S32205", 7.8), ("1.4462", 7.8)],
+)
+def test_stainless_steels_without_nickel_or_with_little_are_lighter(name, rho):
+    found, told = read("rail", f"rail {name}")
+    assert found["rail"].value.rho == pytest.approx(1000 * rho, rel=0.01)
+    assert not told
+
+
+INFILL = [
+    "the grip is PLA, 20 % infill, 3 walls", "Griff aus PLA gedruckt, 20 % Füllung, 3 Wände",
+    "le grip imprimé en PLA, remplissage 20 %, 3 parois",
+    "grip impreso en PLA con 20 % de relleno y 3 perímetros",
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("text", INFILL)
+def test_infill_and_walls_of_a_print_in_four_languages(text):
+    grip = "Griff" if "Griff" in text else "grip"
+    found, _ = read(grip, text)
+    whole, _ = read("grip", INFILL[0])
+    assert found[grip].value == whole["grip"].value
+    assert found[grip].value.rho < 0.6 * TABLE.exact("PLA").rho.min
+
+
+def test_what_fills_a_thing_is_of_loose_matter():
+    found, _ = read("filling lid", "the filling is sawdust, the lid is oak")
+    assert found["filling"].row.name == "sawdust (contents)"
+    assert found["filling"].unknown is None

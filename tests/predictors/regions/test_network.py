@@ -15,6 +15,7 @@ from autophyx_tet.predictors.regions.network import (
     Inputs,
     RegionNetwork,
     Said,
+    Words,
     kind_index,
     part_vector,
     part_words,
@@ -48,7 +49,8 @@ def given(said=SAID) -> Inputs:
     cells, seen, of_top = table()
     found = measured(cells, seen, np.where(of_top, 0, 1))
     network = RegionNetwork.load()
-    return network.inputs(found, said, shells=True, encoder=minilm(), table=load_table())
+    words = Words.of(said, minilm())
+    return network.inputs(found, said, words=words, shells=True, table=load_table())
 
 
 def test_shares_of_every_region_are_one_in_all():
@@ -61,7 +63,7 @@ def test_the_number_of_a_region_says_nothing():
     """Regions in another order get the same shares."""
     inputs = given()
     turned = inputs._replace(
-        region=inputs.region[::-1], contact=inputs.contact[::-1, ::-1],
+        region=inputs.region[::-1], pairs=inputs.pairs[::-1, ::-1],
         evidence=inputs.evidence[::-1],
     )  # fmt: skip
     network = RegionNetwork.load()
@@ -96,6 +98,21 @@ def test_a_table_top_and_its_legs_are_told_apart():
         assert (found.owner[~of_top] == 1 - top).all()
 
 
+def test_what_a_user_tells_of_a_region_stands():
+    """Told that the top is of the second clause, it is, and the sum of its shares is one."""
+    cells, seen, of_top = table()
+    label = np.where(of_top, 0, 1)
+    regions = Regions(cells, seen, label, label, True)
+    told = np.where(of_top, 1, -1)
+    found = divide(regions, SAID, encoder=minilm(), table=load_table(), told=told)
+    assert (found.owner[of_top] == 1).all()
+    np.testing.assert_allclose(found.share[of_top], 1)
+    nobody = divide(
+        regions, SAID, encoder=minilm(), table=load_table(), told=np.where(of_top, 2, -1)
+    )
+    assert (nobody.owner[of_top] == 2).all()
+
+
 def test_each_clause_has_a_region_where_that_costs_little():
     shares = np.array([[0.9, 0.1, 0.0], [0.6, 0.4, 0.0], [0.8, 0.2, 0.0]])
     assert assigned(shares).tolist() == [0, 1, 0]
@@ -120,7 +137,9 @@ def test_words_for_several_parts_are_their_mean():
     single = minilm().text(["base", "armrests"])
     assert np.linalg.norm(both) == pytest.approx(1, abs=1e-6)
     np.testing.assert_allclose(both @ single[0], both @ single[1], atol=1e-6)
-    assert not part_vector("", minilm()).any()
+    words = Words.of([Said("base and armrests"), Said("", "oak")], minilm())
+    np.testing.assert_allclose(words.part, [both, np.zeros_like(both)], atol=1e-6)
+    assert not words.material[0].any()
 
 
 def test_the_kind_of_a_matter_is_that_of_its_words_or_its_row():

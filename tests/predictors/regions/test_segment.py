@@ -112,7 +112,8 @@ def test_measures_of_a_table_are_what_it_is():
     assert value["own height"].tolist() == pytest.approx([10 / 30, 20 / 30])
     assert value["lowest"].tolist() == pytest.approx([2 / 3, 0])
     assert value["mirror x"].tolist() == pytest.approx([1, 1])
-    assert found.contact[0, 1] == found.contact[1, 0] == 16  # four legs of 2 x 2 cells
+    # both touch nothing else: 16 faces, four legs of 2 x 2 cells, of 16 and one
+    assert found.contact[0, 1] == found.contact[1, 0] == pytest.approx(16 / 17)
     # of 16 + 4 x 4 x 20 ... faces: four sides of 40 cells a leg, its foot, and the top above it
     assert value["inner contact"][1] == pytest.approx(16 / (16 + 4 * (4 * 40 + 4)))
 

@@ -1,6 +1,6 @@
 """Training of the region network: batches say what they should, and a few steps learn."""
 
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -18,6 +18,7 @@ from autophyx_tet.research.datasets.region_sets import (
     Sentence,
     baked_light,
     row_of,
+    said_anew,
 )
 from autophyx_tet.research.training.regions.recipe import (
     PRESETS,
@@ -29,7 +30,7 @@ from autophyx_tet.research.training.regions.recipe import (
 from autophyx_tet.research.training.regions.sampler import Habits, RegionSampler
 
 pytestmark = pytest.mark.usefixtures("one_thread")
-CALM = Habits(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+CALM = Habits(*[0.0] * len(fields(Habits)))
 WORDS, REGIONS, THINGS = 6, 4, 12
 
 
@@ -53,7 +54,7 @@ def corpus():
         np.arange(THINGS), np.zeros(THINGS, bool), np.zeros(THINGS, bool), np.ones(THINGS, bool),
         rng.normal(size=(THINGS, SLOTS, len(FEATURES))),
         np.tile(np.arange(SLOTS) % len(KINDS), (THINGS, 1)),
-        np.arange(THINGS), part, material, clause,
+        np.arange(THINGS), np.zeros(THINGS, bool), part, material, clause,
         np.eye(WORDS, 384, dtype=np.float32), np.eye(2, 384, dtype=np.float32)[::-1].copy(),
         np.array([0, 3]), np.array([1, -1]),
         {"words": [*"abcdef"], "materials": ["x", "y"], "categories": ["p", "q"],
@@ -92,6 +93,41 @@ def test_what_a_dropped_clause_spoke_of_is_of_the_null_clause(corpus):
     assert (lost.sum(dim=1) == 1).all()
     assert lost.any(dim=0).all()
     assert torch.equal(batch.wanted.sum(dim=(1, 2)), torch.full((64,), 1000.0))
+
+
+def test_clauses_by_size_stand_with_the_largest_first(corpus):
+    """Slot k has (4 - k) hundred cells: whatever the places before, clause k is the k-th."""
+    habits = replace(CALM, real=1.0, by_size=1.0)
+    batch = RegionSampler(corpus, seed=0, device="cpu", habits=habits).draw(8)
+    assert batch.part[:, 1:4].argmax(dim=2).tolist() == [[0, 1, 2]] * 8
+
+
+def test_what_a_user_tells_of_a_region_is_so(corpus):
+    """One or two regions of each thing, with the clause that speaks of them."""
+    habits = replace(CALM, real=1.0, told=1.0)
+    batch = RegionSampler(corpus, seed=0, device="cpu", habits=habits).draw(64)
+    known = batch.told >= 0
+    assert set(known.sum(dim=1).tolist()) == {1, 2}
+    assert torch.equal(batch.told[known], batch.wanted.argmax(dim=2)[known])
+    of_user = batch.evidence[..., 2]
+    assert torch.equal(of_user[known].argmax(dim=1), batch.told[known])
+    assert not of_user[~known].any()
+
+
+def test_sentences_anew_are_of_what_was_said_of_the_same_slots():
+    """Each clause has words and a matter that somebody gave its slots, or another name of it."""
+    parts = [("top", "oak", ["a"]), ("legs", "steel", ["b", "c"]), ("feet", "rubber", ["d"])]
+    said = [Sentence([("plate", "walnut", ["a"]), ("frame", "", ["c", "b"])])]
+    made = said_anew(said, parts, 60, np.random.default_rng(0))
+    assert all(one.anew and len(one.clauses) >= 2 for one in made)
+    matters = {"a": {"oak", "walnut"}, "b": {"steel"}, "d": {"rubber"}}
+    for one in made:
+        for _, matter, slots in one.clauses:
+            assert matter in matters[slots[0]]
+    words = {part for one in made for part, _, slots in one.clauses if slots == ["a"]}
+    assert {"top", "plate"} <= words
+    assert any(one.clauses[0][2] == ["a"] for one in made)
+    assert any(set(one.unsaid) == {"d"} for one in made)
 
 
 def test_the_loss_of_what_is_sure_and_right_is_nothing(corpus):
