@@ -389,4 +389,11 @@ def divided_by_voxels(mesh: TetMesh, parts: PartVoxels, parents: Sequence[int]) 
         cells = np.argwhere(parts.occupied & (of_piece[parts.part] == parent))
         _, nearest = KDTree(cells).query(parts.grid.to_index(mesh.centroids[tets]))
         region[tets] = parts.part[tuple(cells[nearest].T)]
+        own = np.flatnonzero(tets)
+        for piece in np.setdiff1d(np.flatnonzero(of_piece == parent), region[own]):
+            # Of a piece that is nearest to no tet: the tet nearest to it, of a piece that has more
+            spare = own[np.bincount(region[own])[region[own]] > 1]
+            middle = np.argwhere(parts.occupied & (parts.part == piece)).mean(axis=0)
+            far = np.linalg.norm(parts.grid.to_index(mesh.centroids[spare]) - middle, axis=1)
+            region[spare[far.argmin()]] = piece
     return TetMesh(mesh.points, mesh.tets, region, parts.part_names)

@@ -90,9 +90,9 @@ def languages() -> tuple[Language, ...]:
             words = "\n".join(f"{row[at]} = {row[0]}" for row in rows)
             lists[kind] = {**dict(_entries(words)), **lists[kind]}
         endings, links = tuple(table["endings"]), tuple(table.get("links", ()))
-        adjectives = re.compile(table["adjectives"])
-        found.append(Language(table["name"], **lists, endings=endings, links=links,
-                              adjectives=adjectives))  # fmt: skip
+        done = re.compile(table["adjectives"])
+        own = {"endings": endings, "links": links, "adjectives": done}
+        found.append(Language(table["name"], **lists, **own))
     return tuple(found)
 
 

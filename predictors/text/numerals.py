@@ -205,7 +205,8 @@ def _special(text: str) -> Iterator[Numeral]:
         yield Numeral(*match.span(), None, note)
     for match in _SKIN.finditer(text) if _PRINTED.search(text) else ():
         width = 1e-3 * number(match["w"] or match["t"] or "0") or LINE
-        yield Numeral(*match.span(), Quantity("skin", int(match["n"] or 1) * width, match[0]))
+        skin = Quantity("skin", int(match["n"] or 1) * width, match[0])
+        yield Numeral(match.start(), match.end(), skin)
     for match in _TRIPLE.finditer(text):
         E, nu, rho = map(number, match.groups())
         if 1e3 < E < _MOST["E"] and 0 <= nu < 0.5 and 1 < rho < _MOST["rho"]:

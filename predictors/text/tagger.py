@@ -212,7 +212,7 @@ def load_tagger() -> Tagger:
 
 # Least certainty of the tagger to be heard where the grammar is in doubt, where it is not, and to
 # be told where it is not heard; chosen on the eleventh set, on which neither had been made.
-LIKELY, SURE, TOLD = 0.6, 0.98, 0.6
+LIKELY, SURE, TOLD = 0.6, 0.95, 0.6
 _DECIDING = ("matter", "number", "relation", "content")
 
 
@@ -239,9 +239,8 @@ def with_second_opinion(
         words = _words(said, text)
         doubtful = not any(c.says_matter for c in own) or any(c.doubts or c.unknown for c in own)
         wanted = LIKELY if doubtful else SURE
-        if not words or said.certainty < (wanted if doubtful else TOLD):
-            continue
-        if any(c.phrase.lower() == words.lower() for c in own):
+        known = any(c.phrase.lower() == words.lower() for c in own)
+        if not words or known or said.certainty < (wanted if doubtful else TOLD):
             continue
         part = shown_name(names[i])
         known = names if len(names) <= _MANY else names[i : i + 1]

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 from autophyx_tet.converters.mesh.meshdata import containing_tets
-from autophyx_tet.converters.transfer import sample_material, voxelize
+from autophyx_tet.converters.transfer import divided_by_voxels, sample_material, voxelize
 from autophyx_tet.fem.mesh import TetMesh, box_mesh
 from autophyx_tet.predictors.field import MaterialField
-from autophyx_tet.predictors.grid import Grid
+from autophyx_tet.predictors.grid import Grid, PartVoxels
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -112,3 +112,14 @@ def test_every_region_gets_a_voxel():
     voxels = voxelize(mesh, cells=8)
     assert (np.bincount(voxels.part[voxels.occupied]) == [8**3 - 2, 1, 1]).all()
     assert voxels.part_names == mesh.region_names
+
+
+def test_a_piece_that_is_nearest_to_no_tet_has_one_all_the_same():
+    """One cell of a corner beside six tets of a box: every region that is named holds a tet."""
+    box = box_mesh((1, 1, 1), (1, 1, 1))
+    voxels = voxelize(box, cells=12)
+    part = voxels.part.copy()
+    part[tuple(np.argwhere(part == 0)[0])] = 1
+    pieces = PartVoxels(voxels.grid, part, ("box", "corner"))
+    divided = divided_by_voxels(box, pieces, [0, 0])
+    assert np.bincount(divided.region).tolist() == [len(box.tets) - 1, 1]

@@ -163,3 +163,30 @@ def test_a_reading_of_other_values_that_is_not_sure_is_a_doubt_and_changes_nothi
     oak = table.phrases["oak"].name
     assert told(0.5 * (tagger.TOLD + tagger.SURE)) == (oak, ["tagger.differs"])
     assert told(0.99 * tagger.TOLD) == (oak, [])
+
+
+def test_sentences_of_the_sets_are_templates_whose_marks_move_with_their_words():
+    import random
+
+    from autophyx_tet.research.training.tagger.generator import MATTER, Generator, pairs
+    from autophyx_tet.research.training.tagger.recipe import made_from
+    from autophyx_tet.research.training.tagger.templates import TemplateTexts, load_templates
+
+    every = load_templates()
+    assert len(every) > 1300
+    assert {t.text for t in load_templates(["tenth_trades"])} < {t.text for t in every}
+    for one in every:
+        for span in one.spans:
+            assert one.text[span.start : span.end].strip()
+            assert {*span.owners} <= {*range(len(one.names))} - one.skip
+    makers = [TemplateTexts(every, Generator(*made_from(), seed=3), seed=4) for _ in range(2)]
+    texts, told = [maker.example() for maker in makers * 200], 0
+    assert texts[::2] == texts[1::2]  # of one seed
+    for example in texts:
+        for i, spans in pairs(example, random.Random(0)):
+            told += any(span.role == MATTER for span in spans)
+            assert i not in example.skip
+            for span in spans:
+                said = example.text[span.start : span.end]
+                assert said == said.strip(" ,;:\n") != ""
+    assert told > 600

@@ -1,6 +1,7 @@
 """Attempts of the engine: remembered, repeated coarser, judged; what failed is on record."""
 
 import re
+import time
 from dataclasses import replace
 
 import numpy as np
@@ -169,6 +170,25 @@ def test_beads_follow_where_no_lattice_that_fits_keeps_a_part_whole(monkeypatch)
     _, report = tetrahedralize(cube, mesher="stuffing")
     assert asked == [(50_000, False), (200_000, False), (200_000, True)]
     assert [a.outcome[:9] for a in report.attempts] == ["in pieces", "in pieces", "ok"]
+
+
+@pytest.mark.slow
+def test_a_finer_lattice_that_would_outlast_the_limit_is_told_not_tried(monkeypatch):
+    """Four times the tets take four times as long, which is more than is left: the first stays."""
+    asked = []
+
+    def cutting(solids, target, runner):
+        asked.append(target.beads)
+        ends = time.process_time() + 10  # of 40 s
+        filling = stuffed(solids, replace(target, tets=2000), runner)
+        runner.clock.seconds += ends - time.process_time()
+        return filling._replace(lattice=filling.lattice._replace(parted_shares={0: 0.01}))
+
+    monkeypatch.setattr(attempts, "MESHERS", {"stuffing": cutting})
+    cube = asset_of(cube=trimesh.creation.box((1, 1, 1)))
+    _, report = tetrahedralize(cube, mesher="stuffing", time_limit=40)
+    assert asked == [False]
+    assert {a.outcome[:21] for a in report.attempts[1:]} == {"time: a finer lattice"}
 
 
 @pytest.mark.slow

@@ -174,6 +174,7 @@ def scaled(
         axis = asset.up.upper() if "-" in asset.up else f"+{asset.up.upper()}"
         warnings.append(f"the file does not say which axis is up: taken as {axis}; --up sets it")
     longest = float(asset.size.max())
+    factor, unit = 1.0, ""
     if size is not None:
         factor = size / longest
     elif units is not None:
@@ -181,19 +182,17 @@ def scaled(
     elif stated.metres is not None:
         factor = stated.metres
     else:
-        factor = 1.0
-        warnings.append(
-            f"the file has no unit: taken as metres (longest side {longest:.4g} m); "
-            "--size or --units sets it"
-        )
+        unit = "the file has no unit: taken as metres; "
     given = size is not None or units is not None
     asset = replace(asset, up=up or asset.up, size_stated=given)
-    longest = float(asset.size.max()) * factor
+    longest *= factor
     smallest, largest = USUAL_SIZE
     if not smallest <= longest <= largest:
         likely = "likely mm, --units mm or --size" if longest > largest else "--size or --units"
         said = "as was stated" if asset.size_stated else f"{likely} sets it"
-        warnings.append(f"a longest side of {longest:.4g} m is unusual: {said}")
+        warnings.append(f"{unit}a longest side of {longest:.4g} m is unusual: {said}")
+    elif unit:
+        warnings.append(f"{unit}longest side {longest:.4g} m; --size or --units sets it")
     if factor != 1:
         for part in asset.parts:
             part.mesh.vertices = part.mesh.vertices * factor

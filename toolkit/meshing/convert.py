@@ -256,6 +256,7 @@ TIGHTER_START = 10.0  # s that it may take in any case
 BUDGET_ROUNDS, BUDGET_MARGIN = 4, 1.1
 FINER = (1.6, 2.2)  # divide the edge of a lattice too coarse for a body: 4 and 11 times the tets
 WHOLE_TETS = 250_000  # that a lattice of no given edge may have, whatever it cuts apart
+BEADS_COST = 5.0  # times what the lattice took, of a fence of 274,095 tets
 FULLER = 1.25  # times the tets that were wanted a lattice of thin parts has
 PARTED = 0.005  # of a part's volume that may come off before a lattice is made finer: crumbs
 NO_REPAIR_HELPS = ("time", BROKEN)  # such outcomes are the same with vertices welded harder
@@ -379,6 +380,7 @@ def make_mesh(problem: Problem) -> tuple[Made | None, tuple[Attempt, ...]]:
     that cuts more than ``PARTED`` off a thin part is followed by finer ones, and by one that joins
     what touches. Where every mesh breaks a guarantee, the best one is returned.
     """
+    started = time.process_time() + problem.runner.clock.seconds
     record: list[Attempt] = []
     best: Made | None = None
     for engine, aim, prepare in _ways(problem, record):
@@ -390,6 +392,16 @@ def make_mesh(problem: Problem) -> tuple[Made | None, tuple[Attempt, ...]]:
             continue
         if best is not None and not best.broken and by_tetwild:
             break
+        foretold = (BEADS_COST if aim.beads else 1) * max(
+            (one.seconds * (one.edge_length / aim.edge_length) ** 3
+             for one in record if one.engine == engine),
+            default=0.0,
+        )  # fmt: skip
+        spent = time.process_time() + problem.runner.clock.seconds - started
+        if best is not None and spent + foretold > problem.runner.time_limit:
+            outcome = f"time: a finer lattice would take {foretold:.0f} s of CPU more"
+            record.append(Attempt(engine, aim.edge_length, aim.epsilon, 0.0, outcome))
+            continue
         made, attempt = _tried(problem, engine, aim, prepare)
         record.append(attempt)
         if made is None:

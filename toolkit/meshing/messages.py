@@ -21,9 +21,10 @@ from .guarantees import (
 )
 from .meshers import FTETWILD, PARTICLES, STUFFING
 
-MOST = 5  # names that a sentence lists, and sentences of a conversion
-# Kinds of what is left out, and of how it was made: one sentence where there are more than so many.
-OMITTED = ("floaters", "sheets", "thin", "lost", "sheet_share")
+MOST = 5  # names that a sentence lists
+FEW = 3  # sentences of a conversion, beside the file's unit and axis, before alike ones become one
+# Kinds of what is left out, and of how it was made.
+OMITTED = ("floaters", "sheets", "thin", "lost", "sheet_share", "part_losses", "missed")
 MAKING = ("attempts", "wider", "too_long", "far", "finer", "over_budget")
 KEPT_BY = 0.95  # of a plate's thickness: the envelope that keeps it
 FINEST = 1e-4  # of the diagonal: an epsilon that no engine keeps in an hour
@@ -84,7 +85,7 @@ def said(report: ConversionReport, layers: int = 1, max_tets: int | None = None)
         told.append(Note("messages.wider", kept=kept, asked=asked, edge=report.edge_length))
     for kinds in (OMITTED, MAKING):
         alike = [note for note in told if getattr(note, "kind", "")[len("messages.") :] in kinds]
-        if len(told) > MOST and len(alike) > 1:  # before nobody reads them
+        if len(told) > FEW and len(alike) > 1:  # before nobody reads them
             at, what = told.index(alike[0]), "; ".join(alike)
             one = Note("messages.left", what=what)
             if kinds is MAKING:

@@ -44,6 +44,7 @@ class Example(NamedTuple):
     names: list[str]
     text: str
     spans: list[Span]
+    skip: frozenset[int] = frozenset()  # parts of which it is not known what speaks of them
 
 
 class Piece(NamedTuple):
@@ -539,11 +540,12 @@ class Generator:
         pieces = self.text(names, units, mute)
         if self.chance(0.015):
             pieces = self.aside()  # nothing is said at all
-        return Example(names, *_joined(self._noise(pieces)))
+        return Example(names, *_joined(self.noise(pieces)))
 
     # Noise
 
-    def _noise(self, pieces: list[Piece]) -> list[Piece]:
+    def noise(self, pieces: list[Piece]) -> list[Piece]:
+        """Misspelt words, small letters, capitals."""
         if self.chance(0.16):
             share = self.one((0.1, 0.25, 0.4))
             pieces = [
@@ -622,6 +624,8 @@ def pairs(example: Example, dice: random.Random) -> Iterator[tuple[int, list[Spa
     """Parts of an example to learn from, with their spans; of equal parts most are left out."""
     seen: set[Any] = set()
     for i in dice.sample(range(len(example.names)), len(example.names)):
+        if i in example.skip:
+            continue
         own = [span for span in example.spans if i in span.owners]
         key = re.sub(r"\d+", "", example.names[i]), tuple(own)
         if key in seen and dice.random() < 0.75:

@@ -21,12 +21,14 @@ from ....predictors.text.tagger import ROLES, asked, question
 from ..options import TrainerOptions
 from ..trainer import Losses, Trained, train_network
 from .generator import LANGUAGES, Generator, pairs
+from .templates import TemplateTexts, load_templates
 
 RANK, WORD_RANK = 56, 16  # of the changes of the dense layers, and of the embeddings of tokens
 LONGEST = 256  # tokens of a question and a text; longer made ones are left out
 LONGEST_NAME = 40  # characters of a material's name
 POOL = 6000  # pairs that a worker sorts by length into batches
 PER_TEXT = 4  # parts that are asked about of one text, at most
+OF_SENTENCES = 0.4  # share of the texts that are made of the benchmark's sentences
 HEARD = ("attention.self.query", "attention.self.key", "attention.self.value")
 PAD, QUESTION = -2, -1  # in place of roles
 
@@ -127,6 +129,7 @@ class Source:
     lexicon: Mapping[str, Mapping[str, Any]]
     tokenizer: Path
     tokens: int  # in one batch
+    without: Sequence[str] = ()  # sets of the benchmark whose sentences are kept for a judgement
 
 
 def make_batches(source: Source, seed: int, queue: Any) -> None:
@@ -138,10 +141,13 @@ def make_batches(source: Source, seed: int, queue: Any) -> None:
     tokenizer.no_padding()
     tokenizer.no_truncation()
     maker, dice = Generator(source.materials, source.lexicon, seed), random.Random(seed)
+    templates = load_templates(source.without)
+    sentences = TemplateTexts(templates, maker, seed)
     while True:
         rows: list[tuple[list[int], list[int]]] = []
         while len(rows) < POOL:
-            example = maker.example()
+            told = templates and dice.random() < OF_SENTENCES
+            example = sentences.example() if told else maker.example()
             said = tokenizer.encode(example.text, add_special_tokens=False)
             for i, spans in [*pairs(example, dice)][:PER_TEXT]:
                 asks = tokenizer.encode(question(example.names, i), add_special_tokens=False)
@@ -240,6 +246,7 @@ def train_tagger(
     resume: Path | None = None,
     workers: int,
     full: bool = False,
+    without: Sequence[str] = (),
     seed: int = 0,
 ) -> Trained[TaggerNetwork]:
     """Train the tagger, and write what it learned.
@@ -260,6 +267,8 @@ def train_tagger(
         Processes that make texts.
     full
         Whether all of MiniLM is trained.
+    without
+        Sets of the benchmark whose sentences are not trained on: to judge on.
     seed
         Seed of the made texts.
     """
@@ -267,7 +276,7 @@ def train_tagger(
 
     torch.manual_seed(seed)
     network = TaggerNetwork(load_file(encoder / "model.safetensors"), full=full)
-    source = Source(materials, lexicon, encoder / "tokenizer.json", options.batch)
+    source = Source(materials, lexicon, encoder / "tokenizer.json", options.batch, without)
     return train_network(
         network,
         MadePairs(source, workers=workers, device=options.device, seed=seed),
