@@ -190,7 +190,7 @@ BRIEF, WHOLE = ("-h", "--help"), "--help-all"
 # By name, in whatever command they stand.
 RARE = frozenset(
     "accept_broken address anchors at basis bins body budget cache cells config crop damping "
-    "device drop_height edge_length encoder epsilon_rel eta fall_height features grain "
+    "device dial drop_height edge_length encoder epsilon_rel eta fall_height features grain "
     "gravity gravity_dir grid handles interpreter keep law layers lower matter max_tets "
     "memory_limit modes move neighbours no_cache obstacle opacity order parameters "
     "parameters_alpha part part_wall picture poke_force preset pressure print_config region "
