@@ -17,6 +17,9 @@ from ..laws.kernels_tensor import volume_change
 from .materials import Form, MaterialClass
 
 OPTIONS = {"max_unroll": 27}
+# A crack whose stress is GONE to this fraction and that is open by more than the reach of two
+# splines closes on its own faces no more: what is stretched further is as if stretched by this.
+GONE, OPEN = 1e-9, 4.0
 
 
 class Types(NamedTuple):
@@ -208,6 +211,7 @@ def class_laws(real: Any) -> dict[tuple[MaterialClass, Form], Any]:
     kirchhoff = neo_hookean.kirchhoff
     two_thirds = wp.constant(real(2.0 / 3.0))
     root_two_thirds = wp.constant(real((2.0 / 3.0) ** 0.5))
+    gone, far = wp.constant(real(GONE)), wp.constant(real(OPEN))
 
     @wp.func
     def jelly(H: mat33, C: mat33, mu: real, lam: real, k: vec3, q: real, dt: real):
@@ -215,7 +219,10 @@ def class_laws(real: Any) -> dict[tuple[MaterialClass, Form], Any]:
 
     @wp.func
     def tearing(H: mat33, C: mat33, mu: real, lam: real, k: vec3, q: real, dt: real):
-        """Rankine damage: k = (f_t, softening H_s, 0), q the largest sigma_1 / f_t so far."""
+        """Rankine damage: k = (f_t, softening H_s, 0), q the largest sigma_1 / f_t so far.
+
+        What is torn off and alone keeps its C, so that F would grow by exp(C t) without end.
+        """
         tau = kirchhoff(H, lam, mu)
         if q > real(1.0) or wp.ddot(tau, tau) > k[0] * k[0]:
             V, s = eigen(tau)
@@ -225,6 +232,13 @@ def class_laws(real: Any) -> dict[tuple[MaterialClass, Form], Any]:
                 for i in range(3):
                     s[i] = wp.min(s[i], keep * wp.max(s[i], real(0.0)))
                 tau = symmetric(V, s)
+                if keep < gone and wp.ddot(H, H) > far * far:
+                    W, d = eigen(H + wp.transpose(H) + H * wp.transpose(H))
+                    for i in range(3):
+                        full = wp.sqrt(real(1.0) + wp.max(d[i], real(0.0)))
+                        d[i] = wp.min(far / full, real(1.0)) - real(1.0)
+                    R = symmetric(W, d)
+                    H = H + R + R * H
         return H, tau, q
 
     @wp.func
@@ -494,8 +508,7 @@ def scatter_kernel(kind: MaterialClass, real: Any, *, lagrangian: bool, form: Fo
     place, inside, spread, _ = transfer_functions(real)
     law = class_laws(real)[kind, form]
     Cloud, Frame, vec4 = types.Cloud, types.Frame, types.vec4
-    plastic = kind not in (MaterialClass.JELLY, MaterialClass.STATIONARY)
-    kept = plastic or form == Form.TEARING
+    kept = kind not in (MaterialClass.JELLY, MaterialClass.STATIONARY) or form == Form.TEARING
 
     @wp.kernel(module="unique", enable_backward=False, module_options=OPTIONS)
     def scatter(
@@ -514,9 +527,8 @@ def scatter_kernel(kind: MaterialClass, real: Any, *, lagrangian: bool, form: Fo
             dt = clock[0]
             C = cloud.C[p]
             H, tau, q = law(cloud.H[p], C, cloud.mu[p], cloud.lam[p], cloud.k[p], cloud.q[p], dt)
-            if wp.static(plastic):
-                cloud.H[p] = H
             if wp.static(kept):
+                cloud.H[p] = H
                 cloud.q[p] = q
             if wp.static(lagrangian):
                 F = H + wp.identity(n=3, dtype=real)

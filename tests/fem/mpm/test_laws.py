@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from autophyx_tet.fem.errors import InputError
+from autophyx_tet.fem.mpm.kernels_transfer import OPEN
 from autophyx_tet.fem.mpm.materials import (
     SNOW_COMPRESSION,
     MaterialClass,
@@ -186,6 +187,18 @@ def test_tearing_jelly_softens_to_its_crack():
     # Stable neo-Hookean stress departs from E strain by its square, 0.4 %.
     assert np.abs(tau[:, 0, 0] - wanted).max() < 1.0
     assert q == pytest.approx(4.0, rel=0.01)
+
+
+def test_a_crumb_that_is_stretched_for_ever_stays_a_number():
+    """F = R diag(exp(400 t), 1, 1), as of a lone particle: kept R diag(4, 1, 1), no stress."""
+    weak, turn = Substance(tension=100.0, fracture_energy=1.0), random_rotation(3)
+    path = lambda t: np.diag([np.exp(400 * t), 1.0, 1.0])  # noqa: E731
+    numbers = (100.0, 0.5, 0.0)
+    tau, H, q = driven(weak, path, E=1e5, nu=0.2, steps=4000, turn=turn, numbers=numbers)
+    np.testing.assert_allclose(H + EYE, turn @ np.diag([OPEN, 1.0, 1.0]), atol=1e-9)
+    assert np.isfinite(tau).all()
+    assert np.isfinite(q)
+    assert np.abs(tau[-1]).max() < 1e-6  # of 1e5 Pa, by GONE
 
 
 @pytest.mark.parametrize(
