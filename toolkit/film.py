@@ -18,6 +18,7 @@ from ..converters.points.table import read_points
 from ..converters.registry import POINT_FORMATS
 from ..fem.errors import UsageError
 from ..fem.mesh import TetMesh, face_components
+from ..fem.note import Note
 from ..fem.solve.result import Breakage, ParticleRun
 from .asset.document import check_folder
 from .asset.load import load_asset
@@ -27,6 +28,8 @@ from .pipeline import assign, convert, simulate
 from .simulation.budget import driver_edge
 from .simulation.scenario import film_plan, frames_told
 from .simulation.simulate import actor_of
+from .verdict.check import Check
+from .verdict.checks import CRUMBS, percent
 
 BUDGET = 60.0  # CPU s
 
@@ -105,7 +108,7 @@ def film(
     state = json.loads(known.read_text()) if known.is_file() else {}
     if state.get("key") != key:
         state = {"key": key, "cases": []}
-    resumed, solid, plans = bool(state["cases"]), None, []
+    resumed, solid, plans, cut_off = bool(state["cases"]), None, [], 0.0
     for number, text in enumerate(texts):
         if number < len(state["cases"]):
             continue
@@ -115,7 +118,9 @@ def film(
             if converting.edge_length is None and converting.edge_length_rel is None:
                 edge["edge_length"] = driver_edge(sum(part.mesh.volume for part in loaded.parts))
             solid = convert(loaded, options=replace(converting, **edge), progress=progress)
+            whole = solid.mesh.volume
             solid = replace(solid, mesh=largest_piece(solid.mesh))
+            cut_off = 1 - solid.mesh.volume / whole
         body = assign(solid.mesh, text, asset=solid.asset, options=assign_options)
         body = replace(body, sidecar=body.sidecar.with_record(**solid.described().record))
         up, rows = solid.asset.up, body.record
@@ -130,7 +135,11 @@ def film(
         answer = simulate(body.mesh, up=up, record=rows, options=plan.options, progress=progress)
         _keep(output / f"motion_{number}.npz", actor_of(table, answer, plan.options,
               scale=solid.asset.metres_per_unit), answer.scene.floor)  # fmt: skip
-        verdicts = [found.document() for found in answer.verdicts()]
+        checks = [*answer.verdicts()]
+        if cut_off > CRUMBS:
+            lost = Note("film.cut_off", share=percent(cut_off))
+            checks.append(Check("attached", "failed", lost, cut_off, CRUMBS))
+        verdicts = [found.document() for found in checks]
         case = {"text": text, **plan._asdict(), "options": plan.options.solver}
         state["cases"].append({**case, "up": up, "verdicts": verdicts})
         known.write_text(json.dumps(state, default=str, indent=1) + "\n")
