@@ -93,7 +93,11 @@ def predict_materials(
     settled = lookup.settle(
         parts.part_labels, bound, volumes=volumes, within=_of_parents(within, parents), **fixed
     )
-    choices = [_as_usual(choice, usual or {}, table) for choice in settled.choices]
+    kinds = usual or {}
+    choices = [
+        _as_usual(one, *kinds[one.part], table) if one.part in kinds else one
+        for one in settled.choices
+    ]
     left_open = [i for i, c in enumerate(choices) if not c.settled and i in parts.part]
     warnings, pieces = settled.warnings, None
     # without an asset, by shape alone, the network of voxels divides better
@@ -148,11 +152,8 @@ def predict_materials(
 Point = tuple[float, float, float]
 
 
-def _as_usual(
-    choice: PartChoice, usual: Mapping[str, tuple[str, str]], table: MaterialTable
-) -> PartChoice:
-    """The usual material of a part's kind where no word of text or name decided it."""
-    kind, material = usual.get(choice.part, ("", ""))
+def _as_usual(choice: PartChoice, kind: str, material: str, table: MaterialTable) -> PartChoice:
+    """The usual ``material`` of a part's ``kind`` where no word of text or name decided it."""
     if not material or not choice.guessed or choice.clause or not choice.understood:
         return choice
     row, alpha, why = table.exact(material), choice.alpha, Note("assign.usual", kind=kind)
