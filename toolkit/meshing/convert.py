@@ -382,6 +382,7 @@ def make_mesh(problem: Problem) -> tuple[Made | None, tuple[Attempt, ...]]:
     """
     started = time.process_time() + problem.runner.clock.seconds
     record: list[Attempt] = []
+    costs: list[float] = []  # seconds a tet of lattices so far
     best: Made | None = None
     for engine, aim, prepare in _ways(problem, record):
         if aim.beads and (best is None or not best.parted):
@@ -392,18 +393,18 @@ def make_mesh(problem: Problem) -> tuple[Made | None, tuple[Attempt, ...]]:
             continue
         if best is not None and not best.broken and by_tetwild:
             break
-        foretold = (BEADS_COST if aim.beads else 1) * max(
-            (one.seconds * (one.edge_length / aim.edge_length) ** 3
-             for one in record if one.engine == engine),
-            default=0.0,
-        )  # fmt: skip
+        # A lattice costs as many seconds a tet as those before it, with beads a few times as many.
+        foretold = max((cost * aim.tets for cost in costs), default=0.0)
+        foretold *= BEADS_COST if aim.beads else 1.0
         spent = time.process_time() + problem.runner.clock.seconds - started
-        if best is not None and spent + foretold > problem.runner.time_limit:
+        if best is not None and not by_tetwild and spent + foretold > problem.runner.time_limit:
             outcome = f"time: a finer lattice would take {foretold:.0f} s of CPU more"
             record.append(Attempt(engine, aim.edge_length, aim.epsilon, 0.0, outcome))
             continue
         made, attempt = _tried(problem, engine, aim, prepare)
         record.append(attempt)
+        if not by_tetwild:
+            costs.append(attempt.seconds / aim.tets)
         if made is None:
             continue
         missed = made.broken or not made.distances.good(made.epsilon)
