@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from ..fem.mesh import TetMesh
+from ..fem.mesh import TetMesh, barycentric
 from ..fem.solve.result import ParticleRun
 from .mesh.meshdata import containing_tets
 from .points.gaussians import (
@@ -351,8 +351,6 @@ def embed(mesh: TetMesh, positions: Float[np.ndarray, "n 3"]) -> Embedding:
         inner[outside] = nearest
         outside[outside] = away[outside] > ON_FACE * np.ptp(mesh.bounds, axis=0).max()
     corners = mesh.points[mesh.tets[tet]]
-    edges = (corners[:, 1:] - corners[:, :1]).transpose(0, 2, 1)
-    three = np.linalg.solve(edges, (inner - corners[:, 0])[:, :, None])[:, :, 0]
-    weights = np.column_stack([1 - three.sum(axis=1), three])
+    weights = barycentric(corners, inner)
     arms = (inner[:, None] - corners) / 2 + (positions - inner)[:, None]
     return Embedding(mesh, positions, tet, weights, arms, outside, np.where(outside, away, 0.0))

@@ -413,6 +413,15 @@ def edge_vectors(
     return [other - first for other in others]
 
 
+def barycentric(
+    corners: Float[np.ndarray, "n 4 3"], places: Float[np.ndarray, "#n 3"]
+) -> Float[np.ndarray, "n 4"]:
+    """Barycentric coordinates of each place [m], or the only one, in each tet; outside some < 0."""
+    edges = (corners[:, 1:] - corners[:, :1]).transpose(0, 2, 1)
+    three = np.linalg.solve(edges, (places - corners[:, 0])[:, :, None])[:, :, 0]
+    return np.column_stack([1 - three.sum(axis=1), three])
+
+
 def cross(
     u: Float[np.ndarray, "3 *cells"], v: Float[np.ndarray, "3 *cells"]
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

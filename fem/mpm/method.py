@@ -9,7 +9,7 @@ import numpy as np
 
 from ..errors import InputError, UsageError
 from ..laws.law import Law
-from ..mesh import material_of
+from ..mesh import barycentric, material_of
 from ..note import Note
 from ..scene.scene import Scene
 from ..solve.method import FrameProgress
@@ -179,11 +179,9 @@ class _Run:
         region = mesh.region[sample.tet].astype(np.int64)
         velocity = np.asarray(scene.velocity, dtype=float)
         if velocity.ndim == 2:
-            corners, known = mesh.points[mesh.tets[sample.tet]], velocity[mesh.tets[sample.tet]]
-            edges = (corners[:, 1:] - corners[:, :1]).transpose(0, 2, 1)
-            along = np.linalg.solve(edges, (sample.x - corners[:, 0])[:, :, None])
-            change = (known[:, 1:] - known[:, :1]).transpose(0, 2, 1)
-            velocity = known[:, 0] + (change @ along)[:, :, 0]
+            corners = mesh.tets[sample.tet]
+            weights = barycentric(mesh.points[corners], sample.x)
+            velocity = np.einsum("nk,nki->ni", weights, velocity[corners])
         particles = Particles(
             x=sample.x, volume=sample.volume, E=material.E[sample.tet],
             nu=material.nu[sample.tet], rho=material.rho[sample.tet], part=region,

@@ -15,7 +15,7 @@ from ..elements.assembly import BlockMatrix, add_blocks, add_diagonal
 from ..elements.forces import edge_nodes
 from ..elements.space import Space
 from ..errors import InputError
-from ..mesh import TetMesh, face_areas, material_of
+from ..mesh import TetMesh, barycentric, face_areas, material_of
 from ..scene.obstacles import Distance, Obstacle, obstacle_middle, obstacle_size
 from ..scene.up import UpAxis, up_index, up_vector
 from .self_contact import (
@@ -238,9 +238,8 @@ class Contact:
             around = np.flatnonzero(
                 ((corners.min(axis=1) <= middle) & (middle <= corners.max(axis=1))).all(axis=1)
             )
-            edges = (corners[around, 1:] - corners[around, :1]).swapaxes(1, 2)
-            local = np.linalg.solve(edges, (middle - corners[around, 0])[..., None])[..., 0]
-            if ((local > -1e-9).all(axis=1) & (local.sum(axis=1) < 1 + 1e-9)).any():  # or on a face
+            shares = barycentric(corners[around], middle[None])
+            if (shares > -1e-9).all(axis=1).any():  # or on a face
                 return k
         return None
 
