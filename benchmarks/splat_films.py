@@ -2,11 +2,13 @@
 
     python benchmarks/splat_films.py [NAME ...]   measures, and writes docs/data/splat_films.json
     python benchmarks/splat_films.py --gallery    `make gallery`: docs/films/*.webp too
+    python benchmarks/splat_films.py --drivers    bodies that drive films beside full ones
 
 Captures are splats on the surface of models that are made here, lit and in colour. Each film is the
 one command that its row shows, `autophyx-tet film`: 60 frames of 512 px. A row tells its CPU
 seconds, those foretold, needles (splats longer than 3 times their rest beside their neighbours, in
-every frame), frozen dots (drawn splats that stand where all around them move) and the verdicts.
+every frame), frozen dots (drawn splats that stand where all that were around them move, and lie on
+nothing) and the verdicts.
 """
 
 from __future__ import annotations
@@ -19,6 +21,7 @@ import shlex
 import subprocess
 import sys
 import tempfile
+import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -29,7 +32,16 @@ import trimesh
 from autophyx_tet.converters.mesh.meshdata import read_mesh
 from autophyx_tet.converters.points.film import needles
 from autophyx_tet.converters.points.table import read_points, write_points
-from autophyx_tet.fem import METHODS, SCENARIOS, ElementMaterial, box_mesh, natural_modes
+from autophyx_tet.fem import (
+    METHODS,
+    SCENARIOS,
+    ElementMaterial,
+    box_mesh,
+    natural_modes,
+    rigid_labels,
+)
+from autophyx_tet.fem.reduced.elasticity import ReducedElasticity, held_rest, reduced_frequencies
+from autophyx_tet.fem.reduced.method import ReducedMethod
 from autophyx_tet.predictors.asset import Asset, Part
 from autophyx_tet.toolkit.film import kept_motion
 from autophyx_tet.toolkit.simulation.budget import MOST_TETS, coarsened
@@ -39,8 +51,9 @@ from real_meshes import cache_folder, demo_mesh, real_mesh
 from scipy.spatial import KDTree
 
 DOCS = Path(__file__).resolve().parent.parent / "docs"
-SHOWN = 340  # px of a film in the gallery
+SHOWN, KEPT = 288, 3  # px of a film in the gallery, and every which frame it has
 STILL, GOES, TRAVELS = 0.02, 8, 0.005  # a frozen dot against its neighbours, their number, and size
+LIES = 0.05  # of the size: what is so near to the ground, or to what stands on it, lies there
 
 
 @dataclass(frozen=True)
@@ -57,21 +70,20 @@ class Scene:
 
 
 PLANT = '--size 0.6 --up z --scenario wind --wind-speed 7 --fix "plane:z<0.16"'
-PROPELLER = "--size 0.3 --up z --scenario spin"
-TOAST = "--size 0.12 --up z --fall-height 0.3 --scenario fall"
-BEAR = "--size 0.25 --up z --scenario drop --drop-height 0.2"
+PROPELLER = "--size 0.6 --up z --scenario spin --spin-rate 3"
+TOAST = "--size 0.12 --up z --fall-height 1 --scenario fall"
+BEAR = "--size 0.25 --up z --scenario drop --drop-height 0.3"
 SCENES = {
     "propeller_rigid": Scene("propeller", 60_000, f'{PROPELLER} --text "ABS"'),
-    "propeller_elastic": Scene("propeller", 60_000, f'{PROPELLER} --text "silicone Shore 00-30"'),
+    "propeller_elastic": Scene("propeller", 60_000, f'{PROPELLER} --text "gelatin"'),
     "ficus_stiff": Scene("plant", 150_000, f'{PLANT} --text "stiff rubber"'),
     "ficus_flexible": Scene("plant", 150_000, f'{PLANT} --text "soft rubber"'),
     "toast_whole": Scene("toast", 60_000, f'{TOAST} --text "a slice of bread"'),
     "toast_broken": Scene(
-        "toast", 60_000, f'{TOAST} --text "a slice of bread" '
-        "--matter toast=brittle,tension=1500,fracture_energy=0.5",
+        "toast", 60_000, f'{TOAST} --text "a slice of bread" --matter toast=brittle',
     ),
-    "soft_body_stiff": Scene("bear", 90_000, f'{BEAR} --text "silicone Shore A30"'),
-    "soft_body_large": Scene("bear", 90_000, f'{BEAR} --text "silicone Shore 00-30"'),
+    "soft_body_stiff": Scene("bear", 90_000, f'{BEAR} --text "soft rubber"'),
+    "soft_body_large": Scene("bear", 90_000, f'{BEAR} --text "gelatin"'),
 }  # fmt: skip
 MEASURED = ("ficus_flexible", "toast_broken", "soft_body_large")
 
@@ -100,7 +112,7 @@ def plant() -> list[Part]:
         way = np.array([np.cos(turn), np.sin(turn), 0.55 + 0.3 * rng.random()])
         end = start + way / np.linalg.norm(way) * (0.1 + 0.05 * rng.random())
         stems.append((start, end, 0.012))
-        leaves += [(end + rng.normal(size=3) * 0.012, rng) for _ in range(4)]
+        leaves += [(end + rng.normal(size=3) * 0.007, rng) for _ in range(4)]
     for k, (a, b, radius) in enumerate(stems):
         stem = trimesh.creation.capsule(np.linalg.norm(b - a), radius)
         stem.apply_transform(trimesh.geometry.align_vectors([0, 0, 1], b - a))
@@ -117,7 +129,7 @@ def plant() -> list[Part]:
 
 
 def propeller() -> list[Part]:
-    """A hub with three twisted blades."""
+    """A hub with three twisted blades, across the x axis."""
     parts = [painted(trimesh.creation.cylinder(0.022, 0.036, sections=48), (60, 62, 70), "hub")]
     for k in range(3):
         blade = trimesh.creation.box((0.14, 0.046, 0.014)).subdivide().subdivide().subdivide()
@@ -132,6 +144,8 @@ def propeller() -> list[Part]:
         blade.apply_transform(turn)
         colour = [(214, 72, 58), (236, 170, 60), (70, 130, 190)][k]
         parts.append(painted(blade, colour, f"blade{k}"))
+    for part in parts:
+        part.mesh.apply_transform(trimesh.transformations.rotation_matrix(np.pi / 2, [0, 1, 0]))
     return parts
 
 
@@ -236,7 +250,7 @@ def made(name: str, folder: Path) -> dict:
 
 def watched(table, motion: Path) -> dict[str, int]:
     """Needles in all frames, and frozen dots at the end."""
-    actor, _ = kept_motion(motion, table)
+    actor, floor = kept_motion(motion, table)
     frames = [actor.frame(i) for i in range(len(actor.states))]
     found = sum(int(needles(actor.shown, frame).sum()) for frame in frames)
     means = np.stack([frame.means for frame in frames])
@@ -245,6 +259,14 @@ def watched(table, motion: Path) -> dict[str, int]:
     around = np.median(moved[near], axis=1)
     size = np.linalg.norm(np.ptp(means[0], axis=0))
     frozen = (moved < STILL * around) & (around > TRAVELS * size) & (frames[-1].opacity > 0)
+    if frozen.any() and floor is not None:
+        # Dots that stand, by cells: those of a heap that reaches the ground lie on it
+        still = moved < STILL * around.max()
+        cell = np.round(means[-1][still] / (LIES * size))
+        cells, of = np.unique(cell, axis=0, return_inverse=True)
+        heap = rigid_labels(cells, 1.8)[of.reshape(-1)]  # cells that touch, by corners too
+        low = means[-1][still, 2] - floor / actor.scale < LIES * size
+        frozen[np.flatnonzero(still)[np.isin(heap, heap[low])]] = False
     return {"needles": found, "frozen": int(frozen.sum())}
 
 
@@ -257,8 +279,11 @@ def main() -> None:
     parser.add_argument("--drivers", action="store_true", help="coarse bodies beside fine ones")
     options = parser.parse_args()
     if options.drivers:
+        rows = []
         for row in drivers():
+            rows.append(row)
             print(json.dumps(row), flush=True)
+        recorded("film_drivers", "python benchmarks/splat_films.py --drivers", rows)
         return
     names = options.names or (SCENES if options.gallery else MEASURED)
     rows = []
@@ -270,51 +295,75 @@ def main() -> None:
             print(json.dumps(rows[-1]), flush=True)
             if options.gallery:
                 smaller(folder / name / "film.webp", DOCS / "films" / f"{name}.webp")
-    if not options.names:
+    if options.gallery or not options.names:
         record = DOCS / "data" / "splat_films.json"
         known = json.loads(record.read_text())["rows"] if record.exists() else []
         rows += [row for row in known if row["scene"] not in names]
-        machine = {"what": "one of two shared cores", "load": round(os.getloadavg()[0], 1)}
-        document = {"command": "python benchmarks/splat_films.py", "machine": machine, "rows": rows}
-        record.write_text(json.dumps(document, indent=1) + "\n")
+        option = " --gallery" if options.gallery else ""
+        recorded("splat_films", f"python benchmarks/splat_films.py{option}", rows)
+
+
+def recorded(name: str, command: str, rows: list[dict]) -> None:
+    """Write rows to docs/data, with their command and machine."""
+    machine = {"what": "one of two shared cores", "load": round(os.getloadavg()[0], 1)}
+    document = {"command": command, "machine": machine, "rows": rows}
+    (DOCS / "data" / f"{name}.json").write_text(json.dumps(document, indent=1) + "\n")
 
 
 def drivers() -> Iterator[dict]:
-    """First frequency, and sag under the own weight, of coarse bodies over those of fine ones.
+    """What drives a film of a held body, over the full body of quadratic elements.
 
-    Both are of quadratic elements. A load that comes on at once makes a body swing by twice its
-    sag: the amplitude.
+    Up to twice ``MOST_TETS`` that is the reduced body of the same mesh, and of a finer one where a
+    lattice of at most ``MOST_TETS`` falls into pieces. Where it does not, one of less than half of
+    the mesh's tets is measured too. First frequency, and largest displacement under the own weight:
+    a load that comes on at once makes a body swing by twice that, its amplitude.
     """
     slab = box_mesh((0.4, 0.3, 0.06), (20, 15, 6))
     slab = slab.with_material(ElementMaterial.uniform(len(slab.tets), E=5e6, nu=0.4, rho=500.0))
     bodies = {
         "slab": (slab, "x"),
         "bonsai": (read_mesh(demo_mesh(cache_folder())), "y"),
-        "chair": (read_mesh(real_mesh("Scopia/chair3", cache_folder())), "y"),
+        "chair": (read_mesh(real_mesh("BlendSwap-CC-0/silla2", cache_folder())), "y"),
+        "oak chair": (read_mesh(real_mesh("BlendSwap-CC-0/oakChair", cache_folder())), "y"),
     }
     for name, (mesh, up) in bodies.items():
         mesh = mesh.with_material(mesh.material.without_grain())
-        coarse = coarsened(mesh, most=min(MOST_TETS, len(mesh.tets) // 2))
-        known = []
-        for body in (mesh, coarse):
-            scene = SCENARIOS["sag"]().scene(body, up=up)
-            modes = natural_modes(body, 1, supports=scene.held, order=2)
-            rest = METHODS["statics"].solve(scene, law="linear", order=2)
-            known.append((len(body.tets), float(modes.frequencies[0]), rest.max_displacement))
-        (tets, f, sag), (few, g, less) = known
-        row = {"body": name, "tets": tets, "coarse": few, "frequency": round(g / f, 4)}
-        yield row | {"amplitude": round(less / sag, 4)}
+        scene = SCENARIOS["sag"]().scene(mesh, up=up)
+        modes = natural_modes(mesh, 1, supports=scene.held, order=2)
+        rest = METHODS["statics"].solve(scene, law="linear", order=2)
+        for most in (MOST_TETS, min(MOST_TETS, (len(mesh.tets) - 1) // 2)):
+            began = time.process_time()
+            body = coarsened(mesh, most=most)
+            if body is mesh and most != MOST_TETS:
+                continue
+            driver = SCENARIOS["sag"]().scene(body, up=up)
+            model = ReducedMethod().model_of(driver)
+            spent = time.process_time() - began
+            elasticity = ReducedElasticity(model)
+            moved = held_rest(elasticity, model.weight(driver.gravity_vector))
+            sag = np.linalg.norm(model.displacement(moved), axis=1).max()
+            frequency = reduced_frequencies(elasticity)[0] / modes.frequencies[0]
+            yield {
+                "body": name,
+                "tets": len(mesh.tets),
+                "of_driver": len(driver.mesh.tets),
+                "cut_anew": driver.mesh is not mesh,
+                "coordinates": model.dofs,
+                "frequency": round(float(frequency), 4),
+                "amplitude": round(float(sag / rest.max_displacement), 4),
+                "cpu_s": round(spent, 1),
+            }
 
 
 def smaller(source: Path, target: Path) -> None:
-    """Write a film for the gallery: every second frame, some 200 kB."""
+    """Write a film for the gallery: every third frame, some 100 kB."""
     target.parent.mkdir(parents=True, exist_ok=True)
     with Image.open(source) as film:
         frames = []
-        for i in range(0, film.n_frames, 2):
+        for i in range(0, film.n_frames, KEPT):
             film.seek(i)
             frames.append(film.convert("RGB").resize((SHOWN, SHOWN), Image.Resampling.LANCZOS))
-    options = {"duration": 67, "loop": 0, "quality": 62, "method": 4}
+    options = {"duration": 100, "loop": 0, "quality": 55, "method": 6}
     frames[0].save(target, "WEBP", save_all=True, append_images=frames[1:], **options)
 
 

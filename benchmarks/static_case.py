@@ -13,6 +13,8 @@ from pathlib import Path
 import numpy as np
 
 SIZES = {"S": (40, 6, 8), "M": (60, 12, 12), "L": (96, 18, 20)}
+# Their linear tets have the nodes that quadratic ones of S and M have.
+SIZES |= {f"2{size}": tuple(2 * n for n in SIZES[size]) for size in "SM"}
 TOLERANCE = 1e-8
 STRENGTH_OF_GRAVITY = 9.81
 

@@ -34,5 +34,5 @@ _HOME = {
     "sample_material": "transfer",
     "Driven": "embedding",
 }
-__all__ = [*_HOME]  # noqa: PLE0604  # pyright: ignore[reportUnsupportedDunderAll]
+__all__ = [*_HOME]  # noqa: PLE0604
 __getattr__, __dir__ = on_first_use(__name__, _HOME)

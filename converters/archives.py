@@ -126,9 +126,13 @@ def load_fits(path: str | os.PathLike) -> tuple[MotionFit, ...]:
     with _loaded(path, "MotionFit", Note("archives.parameters_match_saved")) as (arrays, meta):
         fits = []
         for end, scheme in enumerate(meta["schemes"]):
-            numbers = {name: float(arrays[name][end]) for name in _NUMBERS}
+            numbers: dict[str, Any] = {name: float(arrays[name][end]) for name in _NUMBERS}
             nu, runs = numbers.pop("nu"), int(numbers.pop("runs"))
-            others = {"runs": runs, "nu": None if np.isnan(nu) else nu, "scheme": Scheme[scheme]}
+            others: dict[str, Any] = {
+                "runs": runs,
+                "nu": None if np.isnan(nu) else nu,
+                "scheme": Scheme[scheme],
+            }
             fits.append(MotionFit(**numbers, **others, covariance=arrays["covariance"][end]))
         return tuple(fits)
 

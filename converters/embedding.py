@@ -63,26 +63,26 @@ def bounded(F: Float[np.ndarray, "m 3 3"], most: float = STRETCH) -> Bounded:
 class Carried(NamedTuple):
     """Points in a frame: ``positions`` (n, 3) [m], and who of them are ``gone`` (n,).
 
-    Each follows the ``near`` (n, k) of the ``sources`` (m, 3, 3), bounded gradients of mesh points
-    or particles, by ``weights`` (n, k); ``clamped`` (m,) are sources that were bounded.
+    Each follows some of the ``sources`` (m, 3, 3), bounded gradients of mesh points or particles,
+    by the rows of ``mixing`` (n, m), sparse; ``clamped`` (m,) are sources that were bounded.
     """
 
     positions: np.ndarray
     sources: np.ndarray
-    near: np.ndarray
-    weights: np.ndarray
+    mixing: Any
     gone: np.ndarray
     clamped: np.ndarray
 
     @property
     def gradients(self) -> Float[np.ndarray, "n 3 3"]:
         """Deformation gradients at the points, as smooth as their weights."""
-        return np.einsum("nk,nkij->nij", self.weights, self.sources[self.near])
+        return (self.mixing @ self.sources.reshape(-1, 9)).reshape(-1, 3, 3)
 
     @property
     def rotations(self) -> Float[np.ndarray, "n 3 3"]:
         """Rotations at the points: the mean of those of the sources, made orthogonal."""
-        R = np.einsum("nk,nkij->nij", self.weights, polar(self.sources).rotation[self.near])
+        R = self.mixing @ polar(self.sources).rotation.reshape(-1, 9)
+        R = R.reshape(-1, 3, 3)
         for _ in range(4):  # Newton and Schulz; of turns that are a right angle apart 1e-6 is left
             R = R @ (1.5 * np.eye(3) - 0.5 * R.transpose(0, 2, 1) @ R)
         return R
@@ -218,9 +218,7 @@ class ParticleNeighbours:
 
     def only(self, rows: Any) -> ParticleNeighbours:
         """Some of the points."""
-        from ..fem.mpm.particles import Followers
-
-        follow = Followers(*(getattr(self.follow, f.name)[rows] for f in fields(Followers)))
+        follow = self.follow.only(rows)
         return ParticleNeighbours(self.run, follow, self.outside[rows], self.away[rows])
 
     def carried(self, frame: int) -> Carried:
@@ -237,7 +235,7 @@ class ParticleNeighbours:
         even = np.sqrt(weights)
         even /= even.sum(axis=1, keepdims=True)
         x = self.follow.positions(state, weights)
-        return Carried(x, sources, near, even, gone, clamped)
+        return Carried(x, sources, self.follow.mixing(even), gone, clamped)
 
 
 class _Splats:
@@ -284,7 +282,7 @@ class Embedding:
     tet: Tet of every point, shape (n,): the one around it, or the nearest.
     weights: Barycentric coordinates in it, shape (n, 4), of a point outside those of the nearest
         place on the surface.
-    arms: What the gradient at each corner is taken along, shape (n, 4, 3) [m].
+    reach: X and half of the way to its place in the tet from there, shape (n, 3) [m].
     outside: Points in no tet, shape (n,).
     away: Distance of such a point from the surface [m], shape (n,); 0 of points inside.
     """
@@ -293,7 +291,7 @@ class Embedding:
     rest: Float[np.ndarray, "n 3"]
     tet: Int[np.ndarray, "n"]
     weights: Float[np.ndarray, "n 4"]
-    arms: Float[np.ndarray, "n 4 3"]
+    reach: Float[np.ndarray, "n 3"]
     outside: Bool[np.ndarray, "n"]
     away: Float[np.ndarray, "n"]
 
@@ -308,8 +306,8 @@ class Embedding:
         return Embedding(self.mesh, **arrays)
 
     @cached_property
-    def _corners(self) -> tuple[np.ndarray, np.ndarray, Any, np.ndarray]:
-        """Used points, rows of them (n, 4), mean over tets at each, inverse edges at rest."""
+    def _corners(self) -> tuple[np.ndarray, Any, Any, np.ndarray]:
+        """Used points, means over them (n, used), over tets at each, inverse edges at rest."""
         from scipy.sparse import csr_matrix
 
         mesh = self.mesh
@@ -321,19 +319,22 @@ class Embedding:
         around = np.unique(mean.indices)
         corners = mesh.points[mesh.tets[around]]
         inverse = np.linalg.inv((corners[:, 1:] - corners[:, :1]).transpose(0, 2, 1))
-        return used, near.reshape(-1, 4), (mean[:, around], mesh.tets[around]), inverse
+        ends = np.arange(0, self.weights.size + 1, 4)
+        mixing = csr_matrix((self.weights.ravel(), near.ravel(), ends), (len(ends) - 1, len(used)))
+        return used, mixing, (mean[:, around], mesh.tets[around]), inverse
 
     def carried(self, displacement: Float[np.ndarray, "points 3"]) -> Carried:
         """The points when the mesh points are moved by ``displacement`` [m]."""
-        used, near, (mean, tets), inverse = self._corners
+        used, mixing, (mean, tets), inverse = self._corners
         corners = (self.mesh.points + displacement)[tets]
         F = (corners[:, 1:] - corners[:, :1]).transpose(0, 2, 1) @ inverse
         F = (mean @ F.reshape(-1, 9)).reshape(-1, 3, 3)
-        u = displacement[used][near] + np.einsum("nkij,nkj->nki", (F - np.eye(3))[near], self.arms)
-        x = self.rest + np.einsum("nk,nki->ni", self.weights, u)
+        G = F - np.eye(3)
+        shift = displacement[used] - (G @ self.mesh.points[used][:, :, None])[..., 0] / 2
+        mean = (mixing @ G.reshape(-1, 9)).reshape(-1, 3, 3)
+        x = self.rest + mixing @ shift + (mean @ self.reach[:, :, None])[..., 0]
         sources, clamped = bounded(F)
-        none = np.zeros(len(x), dtype=bool)
-        return Carried(x, sources, near, self.weights, none, clamped)
+        return Carried(x, sources, mixing, np.zeros(len(x), dtype=bool), clamped)
 
 
 def embed(mesh: TetMesh, positions: Float[np.ndarray, "n 3"]) -> Embedding:
@@ -352,5 +353,5 @@ def embed(mesh: TetMesh, positions: Float[np.ndarray, "n 3"]) -> Embedding:
         outside[outside] = away[outside] > ON_FACE * np.ptp(mesh.bounds, axis=0).max()
     corners = mesh.points[mesh.tets[tet]]
     weights = barycentric(corners, inner)
-    arms = (inner[:, None] - corners) / 2 + (positions - inner)[:, None]
-    return Embedding(mesh, positions, tet, weights, arms, outside, np.where(outside, away, 0.0))
+    reach = positions - inner / 2
+    return Embedding(mesh, positions, tet, weights, reach, outside, np.where(outside, away, 0.0))

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from functools import partial
 from itertools import islice
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from jaxtyping import Float
@@ -253,10 +253,8 @@ _MAX_BYTES = 1 << 32  # unpacked snapshot
 def read_instant_ngp(path: str | os.PathLike) -> DensityGrid:
     """Read the density of an instant-ngp snapshot, finest cascade, in the axes of its dataset."""
     with reading(path, Note("grids.instant_ngp")) as source:
-        try:
-            import msgpack
-        except ImportError as error:
-            raise InputError("grids.snapshots_need") from error
+        import msgpack
+
         content = source.read_bytes()
         if content[:2] == b"\x1f\x8b":
             with gzip.open(source) as file:  # a read of all would set the whole bound aside
@@ -326,6 +324,7 @@ _HALF = 0.5  # of a radiance field's median density, where it states no threshol
 _GAP = 3  # cells: holes of a shell up to twice this wide are bridged, if that encloses something
 _BAND = 2.0  # cells about a level in which distances are those to the triangles
 _ENCLOSED = 0.9  # of the largest volume that any bridging encloses is as good as all of it
+_NEXT = 16  # places of a shell that tell how deep below its outer surface they lie
 
 
 def density_surface(source: DensityGrid, *, cells: int = 96) -> trimesh.Trimesh:
@@ -348,8 +347,9 @@ def shell_surface(
     """Surface [m] as far below the outer one as places [m] lie; what is enclosed is solid.
 
     A level of the distance and not moved vertices: these would fold where a body is thin. The
-    distances of the places that the outer surface sees first differ, by its bumps and edges; of
-    all levels their mean over its area has, to first order, the volume that the places enclose.
+    distances of the places that lie next to the outer surface differ, by its bumps and edges; of
+    all levels their mean over its area has, to first order, the volume that the places enclose. The
+    nearest place alone would be the outermost of a layer that is as rough as captures are.
     """
     import igl
     from scipy.ndimage import distance_transform_edt
@@ -358,8 +358,10 @@ def shell_surface(
     outer = _cut(density, solid, grid, level)
     away = np.asarray(distance_transform_edt(np.pad(solid, 1)))[1:-1, 1:-1, 1:-1] * grid.h
     triangles = np.ascontiguousarray(outer.vertices), np.ascontiguousarray(outer.faces)
-    first = np.asarray(through.data)[through.query(triangles[0])[1]]
-    below = float(np.sqrt(igl.point_mesh_squared_distance(first, *triangles)[0]).mean())
+    places = np.asarray(through.data)
+    depth = np.sqrt(igl.point_mesh_squared_distance(places, *triangles)[0])
+    ranks: Any = np.arange(1, min(_NEXT, len(places)) + 1)  # an array keeps the shape
+    below = float(depth[through.query(triangles[0], k=ranks)[1]].mean())
     near = solid & (np.abs(away - below) < _BAND * grid.h)
     away[near] = np.sqrt(igl.point_mesh_squared_distance(grid.centers()[near], *triangles)[0])
     # A body that is thinner than that all over stays as its cut is.

@@ -104,6 +104,21 @@ def measured(name: str, *columns: str) -> str:
     return f"{_table(heads, rows)}\n\n{_origin(document)}"
 
 
+def films() -> str:
+    """A film, its command and what it took, for every scene of splats."""
+    document, shown = json.loads((DATA / "splat_films.json").read_text()), []
+    for row in document["rows"]:
+        name = row["scene"].replace("_", " ")
+        spent = f"{row['cpu_s']:.0f} CPU seconds, foretold {row['foretold_over_spent']:.2f} of that"
+        shown += [
+            f"### {name.capitalize()}",
+            f"![{name}](films/{row['scene']}.webp)",
+            f"```bash\n{row['command']}\n```",
+            f"{row['splats']:,} splats; {spent}; {row['needles']} needles, {row['left']} lost",
+        ]
+    return "\n\n".join([*shown, _origin(document)])
+
+
 def gallery() -> str:
     """A picture, its command and what came out, for every thing of the gallery."""
     from autophyx_tet.toolkit.verdict.check import mass_words, si
@@ -164,6 +179,7 @@ FILLERS = {
     "commands": commands,
     "examples": examples,
     "formats": formats,
+    "films": films,
     "gallery": gallery,
     "measured": measured,
 }

@@ -61,5 +61,5 @@ _HOME = {
     "drop": "scenarios",
     "squeeze": "scenarios",
 }
-__all__ = [*_HOME]  # noqa: PLE0604  # pyright: ignore[reportUnsupportedDunderAll]
+__all__ = [*_HOME]  # noqa: PLE0604
 __getattr__, __dir__ = on_first_use(__name__, _HOME)

@@ -34,7 +34,7 @@ def start_warp() -> ModuleType:
     if hasattr(wp, "LOG_ERROR"):
         wp.config.log_level = wp.LOG_ERROR
     else:  # older warp
-        wp.config.quiet = True  # type: ignore
+        wp.config.quiet = True
     # Without the process's stderr for a moment: warp's native start-up writes there unasked.
     sys.stderr.flush()
     saved, null = os.dup(2), os.open(os.devnull, os.O_WRONLY)

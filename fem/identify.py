@@ -160,7 +160,7 @@ def fit_motion(
         found = least_squares(
             lambda p: known(tuple(p))[0],
             p,
-            lambda p: known(tuple(p))[1],  # type: ignore
+            lambda p: known(tuple(p))[1],
             bounds=limits[:, : len(p)],
             method="dogbox",  # a nu that meets its limit is at it
             x_scale=SCALE[: len(p)],

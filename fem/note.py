@@ -9,9 +9,9 @@ from collections.abc import Callable
 from importlib import import_module
 from typing import Any, Literal
 
-# How much a note matters: it tells how a thing was read; a thing may be otherwise than taken; what
-# was said is not used.
-Severity = Literal["note", "doubt", "error"]
+# How much a note matters: it is for who reads the whole report; it tells how a thing was read; a
+# thing may be otherwise than taken; what was said is not used.
+Severity = Literal["detail", "note", "doubt", "error"]
 
 # Module and function that know the sentence of a kind: none, where these elements are used alone.
 _speaker: list[str] = []
@@ -73,7 +73,7 @@ def severity_of(line: str) -> Severity:
     Returns
     -------
     str
-        "note", "doubt" or "error".
+        "detail", "note", "doubt" or "error".
 
     Examples
     --------

@@ -581,6 +581,10 @@ class Fall:
         return replace(scene, duration=FALL_FRAMES * FRAME_TIME, frames=FALL_FRAMES)
 
 
+# A spin is followed for so many of its turns.
+TURNS = 2.0
+
+
 @dataclass(frozen=True)
 class Spin:
     """It turns freely about its shortest side, ``rate`` [1/s] turns a second at the start.
@@ -601,7 +605,7 @@ class Spin:
         middle = weights @ mesh.centroids / weights.sum()
         axis = np.eye(3)[np.argmin(np.ptp(mesh.bounds, axis=0))]
         velocity = 2 * np.pi * self.rate * np.cross(axis, mesh.points - middle)
-        return Scene(mesh=mesh, up=up, velocity=velocity, duration=2.0, frames=50)
+        return Scene(mesh=mesh, up=up, velocity=velocity, duration=TURNS / self.rate, frames=50)
 
 
 # Points within this fraction of the length from an end are gripped.

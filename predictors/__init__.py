@@ -21,5 +21,5 @@ _HOME = {
     "hemisphere": "appearance.views",
     "count_parameters": "film.unet",
 }
-__all__ = [*_HOME]  # noqa: PLE0604  # pyright: ignore[reportUnsupportedDunderAll]
+__all__ = [*_HOME]  # noqa: PLE0604
 __getattr__, __dir__ = on_first_use(__name__, _HOME)

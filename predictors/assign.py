@@ -17,7 +17,7 @@ from .grid import PartVoxels
 from .partition import alike, merged
 from .prediction import Numbered, PartChoice, Prediction
 from .predictor import PREDICTORS, Predictor
-from .regions.division import Regions, apart, cut
+from .regions.division import Regions, apart, cut, region_name, region_numbers
 from .regions.pieces import carve, divided, of_matters
 from .resolve.resolve import RetrievalPredictor, lookup_of
 from .text.clauses import Bound, BoundPart
@@ -85,7 +85,8 @@ def predict_materials(
         whole = cut_up()
         cells = _chosen(parts, whole, regions)
         overrides |= {name: text for name, (_, text) in cells.items()}
-        parts, parents = carve(parts, {name: mine for name, (mine, _) in cells.items()})
+        taken = {name: mine for name, (mine, _) in cells.items() if name not in parts.part_names}
+        parts, parents = carve(parts, taken)
         extra = len(parts.part_names) - len(given.part_names)
         bound = replace(bound, parts=(*bound.parts, *[BoundPart()] * extra))
     fixed = {"overrides": overrides, "materials": materials, "values": values, "alpha": alpha}
@@ -101,21 +102,28 @@ def predict_materials(
     left_open = [i for i, c in enumerate(choices) if not c.settled and i in parts.part]
     warnings, pieces = settled.warnings, None
     # without an asset, by shape alone, the network of voxels divides better
-    several = seen is not None and len(bound.sentence.clauses) > len(given.part_names)
+    cut_before = seen is not None and region_numbers(given.part_names) is not None
+    things = 1 if cut_before else len(given.part_names)
+    several = seen is not None and len(bound.sentence.clauses) > things
     clauses = of_matters(bound.sentence) if several else []
-    if len(clauses) > len(given.part_names) and not retrieves:
-        # of the only part there is words say more than its one choice can hold
-        alone = len(given.part_names) == 1
+    if len(clauses) > things and not retrieves:
         stated = {key(name) for each in (overrides, materials, values) for name in each or {}}
+        # of the only part there is words say more than its one choice can hold; of regions of one
+        # thing too, unless they name one by its number
+        by_number = [cut_before and "name" in one.how for one in bound.parts]
         among = [
             i for i in np.unique(parts.part[parts.occupied]).tolist()
-            if (alone or i in left_open) and key(parts.part_names[i]) not in stated
+            if ((things == 1 and not by_number[i]) or i in left_open)
+            and key(parts.part_names[i]) not in stated
         ]  # fmt: skip
         whole = whole or cut_up()
         if among and whole.region.any():
-            taken = range(len(given.part_names), len(parts.part_names))
-            told = {i: choices[i].row.name for i in taken}
-            known = {"of": parents, "told": told, "encoder": lookup.kernel.encoder, "table": table}
+            thing = [0] * len(parents) if cut_before else parents
+            told = {
+                i: choices[i].row.name for i, parent in enumerate(parents)
+                if i not in among and (cut_before or i != parent)
+            }  # fmt: skip
+            known = {"of": thing, "told": told, "encoder": lookup.kernel.encoder, "table": table}
             pieces = divided(parts, among, bound, clauses, whole, **known)
     if pieces is not None:
         parts, parents = pieces.parts, tuple(parents[i] for i in pieces.parents)
@@ -191,7 +199,7 @@ def _chosen(
             number = int(regions.region[nearest]) + 1
         mine = np.zeros(parts.part.shape, dtype=bool)
         mine[tuple(cells[regions.region == number - 1].T)] = True
-        out[f"region {number}"] = (mine, text)
+        out[region_name(number)] = (mine, text)
     return out
 
 

@@ -87,7 +87,7 @@ class Grid:
 
     def contains(self, cells: Shaped[np.ndarray, "*n 3"]) -> Bool[np.ndarray, "*n"]:
         """Whether integer cell indices lie inside the grid."""
-        return np.all((cells >= 0) & (cells < np.array(self.shape)), axis=-1)  # type: ignore
+        return np.all((cells >= 0) & (cells < np.array(self.shape)), axis=-1)
 
     def centers(self) -> Float[np.ndarray, "nx ny nz 3"]:
         """Centres [m] of all cells."""

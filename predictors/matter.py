@@ -231,7 +231,7 @@ def measure(
         box = np.pad(np.zeros(last - first, dtype=bool), 1)
         box[tuple((own - first + 1).T)] = True
         depth = np.asarray(distance_transform_edt(box))[box]
-        _, pieces = label(box, structure=_CONNECTED)  # type: ignore
+        _, pieces = label(box, structure=_CONNECTED)
         spread = (own - own.mean(axis=0)) / longest
         # 1e-5: of a sheet one cell thick a variance is nothing; (1/64)^2 / 12 is 2e-5.
         variance = np.linalg.eigvalsh(spread.T @ spread / len(own) + 1e-5 * np.eye(3))[::-1]

@@ -86,13 +86,13 @@ def partition(
         owner = np.where(cells, smooth.argmax(axis=-1), -1)
         speck = np.zeros_like(cells)
         for k in np.unique(owner[cells]):
-            piece, _ = connect(owner == k, structure=np.ones((3, 3, 3)))  # type: ignore
+            piece, _ = connect(owner == k, structure=np.ones((3, 3, 3)))
             speck |= (piece > 0) & (np.bincount(piece.ravel()) < SPECK * cells.sum())[piece]
         if speck.any() and not speck[cells].all():
             nearest = distance_transform_edt(
                 ~(cells & ~speck), return_distances=False, return_indices=True
             )
-            owner = np.where(speck, owner[tuple(nearest)], owner)  # type: ignore
+            owner = np.where(speck, owner[tuple(nearest)], owner)
         owner = owner[cells]
         # What nothing speaks of keeps the name; without it every piece is named by its clause.
         kept, *others = sorted(np.unique(owner), key=lambda k: (k != none, -(owner == k).sum()))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -14,7 +14,9 @@ from ..fem.note import Note
 from ..fem.table import FIELDS, Material, MaterialValue
 from .field import MaterialField, Ranges
 from .grid import PartVoxels
-from .text.clauses import Clause, Sentence
+
+if TYPE_CHECKING:  # the reader takes a while to load
+    from .text.clauses import Clause, Sentence
 
 # Weight below which a material is a guess: a word that names it gives 1, the nearest of about 200
 # rows without one gives .1 to .25.
@@ -199,11 +201,12 @@ class Prediction:
             yield from choice.warnings
             guess = choice.guessed or choice.weight < GUESS or unsaid or foreign
             values = {"part": choice.part, "material": choice.material, "say": say}
-            if choice.elsewhere:
-                said = choice.clause.text if choice.clause else ""
+            said = choice.clause.text if choice.clause else ""
+            if choice.elsewhere and len(self.choices) > 1:
+                if choice.part.lower() in said.lower():
+                    continue  # "a round of brie" of a part "brie"
                 yield Note("prediction.part_called", said=said, **values)
             elif choice.understood and guess and choice.by_words:
-                said = choice.clause.text if choice.clause else ""
                 values = {"part": choice.part, "material": choice.material, "said": said}
                 yield Note("prediction.by_words", **values)
             elif choice.understood and guess:
@@ -220,9 +223,14 @@ class Prediction:
             names = ", ".join(repr(self.parts.part_names[i]) for i in of)
             own = [b.certainty for i in of if (b := self.choices[i].binding) and b.certainty]
             yield Note("prediction.part_asset", pieces=names, divided=own[0] if own else DIVIDED)
-        known = all(c.clause and not (c.borrowed or c.guessed or c.binding) for c in self.choices)
+        # What is said of no part may be of those that have no words of their own
+        loose = [c for c in self.choices if not c.clause or c.borrowed or c.guessed or c.binding]
         for clause in self.unbound:
-            yield Note("prediction.part_idle" if known else "prediction.part_found", clause=clause)
+            if loose:
+                parts = ", ".join(repr(choice.part) for choice in loose)
+                yield Note("prediction.part_found", clause=clause, parts=parts)
+            else:
+                yield Note("prediction.part_idle", clause=clause)
 
     def for_each(self, parts: PartVoxels, first: Sequence[int]) -> Prediction:
         """Give each part the answer, and the pieces, of the ``first`` part that it is like."""

@@ -18,5 +18,5 @@ _HOME = {
     "CPU": "training.film.presets",
     "train_film": "training.film.recipe",
 }
-__all__ = [*_HOME]  # noqa: PLE0604  # pyright: ignore[reportUnsupportedDunderAll]
+__all__ = [*_HOME]  # noqa: PLE0604
 __getattr__, __dir__ = on_first_use(__name__, _HOME)

@@ -109,7 +109,7 @@ def build_regions(
     output
         Folder to write into.
     objects
-        How many real objects; all that have a sentence by default.
+        How many real objects; all whose parts are known by default.
     variants, procedural
         How often each is recoloured, and how many objects are made up.
     seed
@@ -120,22 +120,24 @@ def build_regions(
     from ..fem.table import load_table
     from ..predictors.regions.network import kind_index
     from .datasets import region_sets as sets_of
-    from .datasets.natural import PARTS, naturals, one_pieces
+    from .datasets.natural import PARTS, Natural, naturals, one_pieces
     from .datasets.parts import part_kinds
     from .on_device import minilm
 
     check_folder(output)
     output.mkdir(parents=True, exist_ok=True)
     rng, table, began = np.random.default_rng(seed), load_table(), time.monotonic()
-    sentences = naturals(sweethome3d.TRAINING)
-    pieces = dict(one_pieces(sentences, objects))
-    said: dict[str, list[sets_of.Sentence]] = {
-        name: [sets_of.Sentence(one.clauses, one.unsaid) for one in sentences if one.key == name]
-        for name in pieces
-    }
-    for one in naturals(sweethome3d.TRAINING, PARTS):
+    hands, parts = naturals(sweethome3d.TRAINING), naturals(sweethome3d.TRAINING, PARTS)
+    pieces = dict(one_pieces([*hands, *parts], objects))
+
+    def heard(name: str, each: Sequence[Natural]) -> list[sets_of.Sentence]:
+        return [sets_of.Sentence(one.clauses, one.unsaid) for one in each if one.key == name]
+
+    said = {name: heard(name, hands) for name in pieces}
+    for one in parts:
         if one.key in said:
-            said[one.key] += sets_of.said_anew(said[one.key], one.clauses, ANEW, rng)
+            anew = sets_of.said_anew(heard(one.key, [*hands, *parts]), one.clauses, ANEW, rng)
+            said[one.key] += anew
     looks, sets = sets_of.looks_of(pieces.values()), []
     for name, piece in pieces.items():
         if progress:
@@ -205,7 +207,8 @@ def show_dataset(output: Path, *, count: int = 6, seed: int = 0) -> dict[str, An
     samples = []
     for kinds, category in zip(objects.kinds, objects.category, strict=True):
         said = [grammar.part(int(kind)).text for kind in kinds if kind >= 0]
-        samples.append({"object": spoken(names[category]), "clauses": said})
+        sample: dict[str, Any] = {"object": spoken(names[category]), "clauses": said}
+        samples.append(sample)
     _draw(output, store.label.numpy(), [sample["object"] for sample in samples])
     return {"files": [output], "samples": samples}
 

@@ -23,7 +23,7 @@ FLOORS = {
     ),
     "converters": (
         "registry", "files", "npz", "archives", "kernels", "mesh", "grids", "points", "embedding",
-        "transfer", "carriers", "programs",
+        "live", "transfer", "carriers", "programs",
     ),
     "toolkit": (
         "asset", "meshing", "options", "walls", "driving", "verdict", "report", "simulation",

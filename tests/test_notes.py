@@ -71,7 +71,7 @@ def test_no_sentence_is_left_over():
 def test_a_severity_is_of_a_kind_that_there_is():
     told = tomllib.loads((ROOT / "toolkit/verdict/sentences.toml").read_text())["severity"]
     assert set(told) <= set(_sentences())
-    assert set(told.values()) <= {"note", "error"}  # all others are doubts
+    assert set(told.values()) <= {"detail", "note", "error"}  # all others are doubts
 
 
 def test_a_note_of_a_part_matters_as_what_it_says():

@@ -333,8 +333,8 @@ def _ray(jobs: Sequence[Job], output: Path, options: BatchOptions) -> Iterator[O
     with redirect_stdout(sys.stderr):  # Ray tells of lost workers there; ours is the document's
         os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
         try:
-            import ray  # pyright: ignore[reportMissingImports]  (the extra `batch`)
-            import ray.exceptions  # pyright: ignore[reportMissingImports]
+            import ray  # (the extra `batch`)
+            import ray.exceptions
         except ImportError as error:
             raise InputError("batch.needs_ray") from error
         try:

@@ -94,7 +94,7 @@ class Actor:
 
         now, shown = self.embedding.carried(self.states[number]), self.shown
         if now.clamped.any():
-            self.clamped |= (now.weights * now.clamped[now.near]).sum(axis=1) > 0
+            self.clamped |= now.mixing @ now.clamped.astype(float) > 0
         self.gone |= now.gone
         return Moved(
             now.positions / self.scale,
@@ -130,9 +130,9 @@ def record(
     first, frames = actors[0], len(actors[0].states)
     scale, some = first.scale, slice(None, None, max(1, len(first.table) // film.FEW))
     seen = range(0, frames, max(1, frames // LOOKS))
+    few = [(actor.embedding.only(some), actor.states) for actor in actors]
     places = np.concatenate([
-        [actor.embedding.only(some).carried(actor.states[i]).positions / scale for i in seen]
-        for actor in actors
+        [carrier.carried(states[i]).positions / scale for i in seen] for carrier, states in few
     ], axis=1)  # fmt: skip
     cameras = film.tracked(places, first.table.only(some), up, frames)
     low, high = np.nanquantile(places[0], film.EDGES, axis=0)

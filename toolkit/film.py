@@ -19,13 +19,14 @@ from ..converters.registry import POINT_FORMATS
 from ..fem.errors import UsageError
 from ..fem.mesh import TetMesh, face_components
 from ..fem.note import Note
+from ..fem.scene.up import up_vector
 from ..fem.solve.result import Breakage, ParticleRun
 from .asset.document import check_folder
 from .asset.load import load_asset
 from .driving import Actor, FilmRecord, record
 from .options import EXPECTED, AssignOptions, ConvertOptions, SimulateOptions
 from .pipeline import assign, convert, simulate
-from .simulation.budget import driver_edge
+from .simulation.budget import check_budget, driver_edge, picture_seconds
 from .simulation.scenario import film_plan, frames_told
 from .simulation.simulate import actor_of
 from .verdict.check import Check
@@ -96,7 +97,8 @@ def film(
     """
     asset, output, began = Path(asset), Path(output), time.process_time()
     options = simulate_options or SimulateOptions()
-    options = replace(options, budget=options.budget or BUDGET)
+    options = replace(options, budget=BUDGET if options.budget is None else options.budget)
+    check_budget(options)
     if asset.suffix.lower() not in POINT_FORMATS or not (table := read_points(asset)).is_splat:
         raise UsageError("film.no_splats", path=asset)
     check_folder(output)
@@ -105,10 +107,10 @@ def film(
     said = (tuple(texts), converting, assign_options, options)
     key = hashlib.sha256(asset.read_bytes() + repr(said).encode()).hexdigest()
     known = output / "film.json"
-    state = json.loads(known.read_text()) if known.is_file() else {}
+    state: dict[str, Any] = json.loads(known.read_text()) if known.is_file() else {}
     if state.get("key") != key:
         state = {"key": key, "cases": []}
-    resumed, solid, plans, cut_off = bool(state["cases"]), None, [], 0.0
+    resumed, solid, picture, cut_off = bool(state["cases"]), None, 0.0, 0.0
     for number, text in enumerate(texts):
         if number < len(state["cases"]):
             continue
@@ -125,16 +127,19 @@ def film(
         body = replace(body, sidecar=body.sidecar.with_record(**solid.described().record))
         up, rows = solid.asset.up, body.record
         told: Any = {"up": up, "materials": rows.materials, "classes": rows.classes}
-        plan = film_plan(body.mesh, options, splats=len(table), **told)
-        plans.append(plan)
+        picture = picture or picture_seconds(table)
+        plan = film_plan(body.mesh, options, picture=picture, **told)
         if number == 0:
             spent = time.process_time() - began
             state["foretold"] = float(spent + len(texts) * (plan.solve + plan.draw))
         if progress is not None:
             progress(EXPECTED + plan.words, 0.0)
         answer = simulate(body.mesh, up=up, record=rows, options=plan.options, progress=progress)
+        floor = answer.scene.floor
+        if floor is None and answer.scene.held.fixed.any():  # what is held stands
+            floor = float((answer.mesh.points @ up_vector(up)).min())
         _keep(output / f"motion_{number}.npz", actor_of(table, answer, plan.options,
-              scale=solid.asset.metres_per_unit), answer.scene.floor)  # fmt: skip
+              scale=solid.asset.metres_per_unit), floor)  # fmt: skip
         checks = [*answer.verdicts()]
         if cut_off > CRUMBS:
             lost = Note("film.cut_off", share=percent(cut_off))

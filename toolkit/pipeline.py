@@ -34,6 +34,7 @@ from .options import (
     AssignOptions,
     ConvertOptions,
     SimulateOptions,
+    WallOptions,
     command_line,
     pairs,
     region_texts,
@@ -42,7 +43,6 @@ from .options import (
 from .simulation.simulate import simulate, takes_particles
 from .verdict.assignment import Assignment
 from .verdict.run import Conversion, RunCase, RunResult, Stopwatch, dialled
-from .walls import WallOptions
 
 if TYPE_CHECKING:
     from ..predictors.text.clauses import Bound
@@ -96,6 +96,7 @@ def convert(
     from .asset.load import load_asset
     from .meshing.convert import tetrahedralize
     from .meshing.import_tets import SUFFIXES, import_tets
+    from .segment import divided_again, in_one
 
     options = with_given(options or ConvertOptions(), given, verb="convert")
     walls, output = walls or WallOptions(), path_of(output)
@@ -107,10 +108,13 @@ def convert(
     else:
         if not isinstance(asset, Asset):
             asset = load_asset(asset, **options.loading())
+        cut, asset = asset, in_one(asset)
+        cut_before = cut is not asset
         asset, walls = _with_rooms(asset, walls, options)
 
         def first(mesh: TetMesh) -> None:
             """Write and tell a body that is there before fTetWild has ended."""
+            mesh = divided_again(mesh, cut) if cut_before else mesh
             if output is not None:
                 write_mesh(output, mesh)
             if progress is not None:
@@ -120,6 +124,9 @@ def convert(
         mesh, report = tetrahedralize(
             asset, **options.engine(), **walls.geometry(), first=first, progress=progress
         )
+        if cut_before:
+            rooms = asset.parts[1:]
+            asset, mesh = replace(cut, parts=(*cut.parts, *rooms)), divided_again(mesh, cut)
     result = Conversion(asset=asset, mesh=mesh, report=report, walls=walls)
     if output is not None:
         write_mesh(output, mesh)
@@ -362,7 +369,11 @@ def run(
         asset, walls = with_named_walls(asset, texts, walls, convert_options)
         solid = convert(asset, options=options, walls=walls, progress=progress)
         clock.lap("convert")
-        known = {"up": solid.asset.up, "options": simulate_options, "progress": progress}
+        known: dict[str, Any] = {
+            "up": solid.asset.up,
+            "options": simulate_options,
+            "progress": progress,
+        }
         cases = []
         for text, way in product(texts, ways):
             body = assign(solid.mesh, text, asset=solid.asset, options=way, walls=solid.known_walls)

@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
 
+from ..fem.mesh import TetMesh
 from ..predictors.appearance.features import Appearance, cell_appearance, fill
 from ..predictors.appearance.surface import skin_of, surface_voxels
 from ..predictors.asset import Asset, UpAxis, upright
 from ..predictors.grid import Grid, PartVoxels
 from ..predictors.matter import LOOK
-from ..predictors.regions.division import Regions, apart, cut
-from .asset import path_of
+from ..predictors.regions.division import Regions, apart, cut, region_name, region_numbers
+from .asset import Unit, path_of
 from .asset.document import check_file
 
 CELLS = 64  # along the longest side
@@ -61,7 +62,10 @@ class Cut(NamedTuple):
 
 
 def cut_asset(asset: Asset) -> Cut:
-    """Cut what the surfaces of an asset enclose; its regions are numbered so for every verb."""
+    """Cut what the surfaces of an asset enclose; its regions are numbered so for every verb.
+
+    Parts that are regions already, as ``segment`` writes them, keep their numbers.
+    """
     from scipy.ndimage import distance_transform_edt
 
     grid = Grid.around(asset.bounds, cells=CELLS)
@@ -74,6 +78,9 @@ def cut_asset(asset: Asset) -> Cut:
     seen = Appearance(looks[..., :3], finish=looks[..., 3:], shell=shell)
     near = distance_transform_edt(~voxels.occupied, return_distances=False, return_indices=True)
     part = voxels.part[tuple(np.asarray(near))][inside]
+    if numbers := region_numbers([part.name for part in asset.parts]):
+        number = np.array(numbers)[part] - 1
+        return Cut(centres, part, cut(cells, seen, asset.up, region=number))
     return Cut(centres, part, apart(cut(cells, seen, asset.up), part))
 
 
@@ -94,7 +101,45 @@ def cut_voxels(asset: Asset, voxels: PartVoxels, *, up: UpAxis) -> Regions:
     )  # fmt: skip
 
 
-def segment(asset: str | Path | Asset, *, output: str | Path | None = None) -> Segmented:
+def in_one(asset: Asset) -> Asset:
+    """Regions of one thing as that thing again: where it was cut there is no surface."""
+    from ..predictors.asset import Part, PlainMesh
+
+    if region_numbers(asset.part_names) is None:
+        return asset
+    before = np.cumsum([0, *(len(part.mesh.vertices) for part in asset.parts)])
+    faces = [part.mesh.faces + n for part, n in zip(asset.parts, before, strict=False)]
+    points = np.concatenate([part.mesh.vertices for part in asset.parts])
+    return replace(asset, parts=(Part(asset.name, PlainMesh(points, np.concatenate(faces))),))
+
+
+def divided_again(mesh: TetMesh, asset: Asset) -> TetMesh:
+    """The mesh of the thing ``in_one`` divided by its regions, as ``assign`` divides it."""
+    from ..converters.transfer import divided_by_voxels, voxelize
+
+    voxels, names = voxelize(mesh, cells=CELLS), mesh.region_names
+    mine = voxels.part[voxels.occupied] == names.index(asset.name)
+    number = cut_voxels(asset, voxels, up=asset.up).region + 1
+    found = np.unique(number[mine])
+    own = [region_name(n) for n in found.tolist()]
+    others = [name for name in names if name != asset.name]
+    part = voxels.part.copy()
+    part[voxels.occupied] = np.where(
+        mine, np.searchsorted(found, number), len(own) + voxels.part[voxels.occupied] - 1
+    )
+    parts = PartVoxels(voxels.grid, part, (*own, *others))
+    parents = [*[names.index(asset.name)] * len(own), *map(names.index, others)]
+    return divided_by_voxels(mesh, parts, parents)
+
+
+def segment(
+    asset: str | Path | Asset,
+    *,
+    output: str | Path | None = None,
+    size: float | None = None,
+    units: Unit | None = None,
+    up: UpAxis | None = None,
+) -> Segmented:
     """Cut an asset into regions of like look and shell, each a part with a name.
 
     Parameters
@@ -103,6 +148,8 @@ def segment(asset: str | Path | Asset, *, output: str | Path | None = None) -> S
         File to load, or an asset already loaded.
     output
         The .glb to write; ``run`` takes it, and a text may speak of "region 3".
+    size, units, up
+        Of a file, as ``load_asset`` takes them; the size in [m].
 
     Returns
     -------
@@ -132,13 +179,14 @@ def segment(asset: str | Path | Asset, *, output: str | Path | None = None) -> S
     output = path_of(output)
     if output is not None:
         check_file(output, (".glb",))
-    asset = asset if isinstance(asset, Asset) else load_asset(asset)
+    if not isinstance(asset, Asset):
+        asset = load_asset(asset, size=size, units=units, up=up)
     found = cut_asset(asset)
     region, finest = found.regions.region, FINEST * float(asset.size.max()) / CELLS
     corners, colours, of = [], [], []
     for number, part in enumerate(asset.parts):
         mesh = part.mesh
-        points, faces, source = subdivide_to_size(  # type: ignore
+        points, faces, source = subdivide_to_size(
             mesh.vertices, mesh.faces, finest, max_iter=20, return_index=True
         )
         triangles = points[faces]
@@ -153,7 +201,7 @@ def segment(asset: str | Path | Asset, *, output: str | Path | None = None) -> S
     x, y, z = np.moveaxis(upright(corner, asset.up), -1, 0)
     corner = np.stack([x, z, -y], axis=-1)  # y up, as glTF has it
     scene, parts, fractions = trimesh.Scene(), [], []
-    for k in np.unique(own):
+    for k in np.unique(own).tolist():
         mine = own == k
         bytes_of = (255 * colour[mine].reshape(-1, 4) + 0.5).astype(np.uint8)
         mesh = trimesh.Trimesh(
@@ -161,7 +209,7 @@ def segment(asset: str | Path | Asset, *, output: str | Path | None = None) -> S
             vertex_colors=bytes_of, process=False,
         )  # fmt: skip
         mesh.merge_vertices()
-        name = f"region {k + 1}"
+        name = region_name(k + 1)
         scene.add_geometry(mesh, node_name=name, geom_name=name)
         parts.append(Part(name, mesh, (name,)))
         fractions.append(float((region == k).mean()))

@@ -263,7 +263,6 @@ def with_rooms(asset: Asset, options: WallOptions, *, thinnest: float) -> Filled
 # Walls that no element shows: parts of a mesh that are hollow get the apparent material for it.
 
 FEW_SAMPLES = 2_000  # of the ends of an interval: to 2 %, which its drawn sizes are not known to
-FAR_APART = 2.0  # high / low: below it a mass is known well enough to say nothing
 
 
 class Body(NamedTuple):
@@ -364,9 +363,9 @@ class Walls:
 
         Raises UsageError: Where a part or a material is unknown, or a wall is no length.
         """
-        record = sidecar.record.get("walls", {})
+        record: dict[str, Any] = sidecar.record.get("walls", {})
         lists = ("part_wall", "fill", "held", "contents")
-        known = WallOptions(**{**record, **{name: tuple(record.get(name, ())) for name in lists}})
+        known = WallOptions(**record | {name: tuple(record.get(name, ())) for name in lists})  # type: ignore
         if options in (None, WallOptions()):
             options = known
         else:
@@ -415,7 +414,7 @@ def build_parts(
     built = []
     table, contents = load_table(), load_contents()
     for region, (body, choice) in enumerate(zip(bodies_of(mesh), choices, strict=True)):
-        facts = {"filling": called.filling(region), **said.of(choice.part)}
+        facts: dict[str, Any] = {"filling": called.filling(region), **said.of(choice.part)}
         wall = called.walls[region]
         if wall and facts["wall"] is None and not (facts["solid"] or facts["in_mesh"]):
             facts["wall"] = wall.value

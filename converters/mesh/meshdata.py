@@ -238,7 +238,8 @@ def from_meshio(source: meshio.Mesh, names: Mapping[int, str] | None = None) -> 
     for i, block in enumerate(source.cells):
         if i not in blocks:
             ignored[block.type] = ignored.get(block.type, 0) + len(block.data)
-    tets = [source.cells[i].data[:, :4] for i in blocks]  # of quadratic ones the corners
+    # Of quadratic ones the corners
+    tets = [np.asarray(source.cells[i].data)[:, :4] for i in blocks]
     if names is None:  # meshio keeps Gmsh's physical names as {name: [tag, dimension]}
         names = {int(v[0]): k for k, v in source.field_data.items() if len(v) == 2 and v[1] == 3}
     return assemble(

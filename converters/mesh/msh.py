@@ -11,6 +11,7 @@ import os
 import re
 from collections import Counter
 from collections.abc import Iterable, Iterator
+from typing import Any
 from urllib.parse import unquote
 
 import numpy as np
@@ -87,6 +88,9 @@ def read_msh(path: str | os.PathLike) -> MeshData:
             return _read_ascii2(source.read_text(encoding="utf-8", errors="replace"))
         if (form := re.match(rb"\s*\$MeshFormat\s+4\.1\s+([01])\s+8\s", head)) is not None:
             return _read_41(source.read_bytes(), text=form[1] == b"0")
+        version = re.search(rb"\$MeshFormat\s+(\d[\d.]*)", head)
+        if version and version[1][:1] != b"2" and version[1] != b"4.1":
+            raise InputError("msh.version", version=version[1].decode(), wanted=WANTED)
         check_counts(source)
         import meshio
 
@@ -289,7 +293,7 @@ def _data_41(body: bytes, text: bool) -> tuple[str, np.ndarray, np.ndarray]:
 
     (name, *_), _, (_, width, rows, *_) = tags(), tags(), map(int, tags())
     row = np.dtype([("id", "<i4"), ("values", "<f8", (width,))])
-    table = np.frombuffer(body, row, rows, stream.tell())
+    table: Any = np.frombuffer(body, row, rows, stream.tell())
     values = table["values"] if width > 1 else table["values"][:, 0]
     return unquote(name.strip('"')), table["id"].astype(np.int64), values
 

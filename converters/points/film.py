@@ -7,17 +7,19 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
+from functools import cached_property
 from io import BytesIO
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
 from ...fem.errors import InputError
 from ...fem.scene.up import UpAxis, up_vector
 from ...predictors.appearance.views import Camera, ring
+from ..files import writing
 from .gaussians import Gaussians, gaussians, matrices_of
 from .table import PointTable
 from .views import Look, blended, splat_view
@@ -30,7 +32,8 @@ FPS, PIXELS, RIM = 30, 512, 0.07
 FEW, TRIED, SMALL = 8_000, 8, 96
 # A needle is so many times as long as at rest, beside as many neighbours.
 LONG, NEIGHBOURS = 3.0, 8
-# Splats beyond these quantiles are strays, and may leave the picture.
+# Splats beyond these quantiles are strays, and may leave the picture; so do crumbs that fly farther
+# from the middle than the body is long.
 EDGES = (0.005, 0.995)
 # A frame follows a body that would fill less than this share of a frame that stands; it does so
 # as smoothly as a mean over this share of the film.
@@ -70,18 +73,24 @@ class Shown:
         """The splats where they are in the table."""
         return Moved(self.found.means, self.roots, self.found.opacity)
 
+    @cached_property
+    def around(self) -> Int[np.ndarray, "n k"]:
+        """Rows of every splat's neighbours at rest, itself the first."""
+        from scipy.spatial import KDTree
+
+        means = self.found.means
+        near = KDTree(means).query(means, k=min(NEIGHBOURS + 1, len(means)))[1]
+        return near.reshape(len(means), -1)
+
 
 def needles(shown: Shown, moved: Moved) -> Bool[np.ndarray, "n"]:
     """Splats that are seen longer than ``LONG`` times their rest, beside their neighbours."""
-    from scipy.spatial import KDTree
 
     def longest(roots: np.ndarray) -> np.ndarray:
         return np.sqrt(np.linalg.eigvalsh(roots @ roots.transpose(0, 2, 1))[:, 2])
 
     ratio = longest(moved.roots) / np.maximum(longest(shown.roots), np.finfo(float).tiny)
-    means = shown.found.means
-    near = KDTree(means).query(means, k=min(NEIGHBOURS + 1, len(means)))[1].reshape(len(means), -1)
-    return (ratio > LONG * np.median(ratio[near], axis=1)) & (moved.opacity > 0)
+    return (ratio > LONG * np.median(ratio[shown.around], axis=1)) & (moved.opacity > 0)
 
 
 def tracked(
@@ -98,6 +107,8 @@ def tracked(
     places[~np.isfinite(places)] = np.nan
     # Strays, and what has no place, are moved in
     low, high = np.nanquantile(places, EDGES, axis=1, keepdims=True)
+    middle, far = np.nanmedian(places, axis=1, keepdims=True), np.linalg.norm((high - low)[0])
+    low, high = np.maximum(low, middle - far), np.minimum(high, middle + far)
     places = np.clip(np.where(np.isnan(places), low, places), low, high)
     bounds = np.stack([places.min(axis=(0, 1)), places.max(axis=(0, 1))])
     flat = places.reshape(-1, 3)
@@ -144,33 +155,54 @@ class Stage:
         self.axes = np.stack([side, np.cross(self.up, side)])
         self.sun = SUN @ np.stack([*self.axes, self.up])
         self.middle = self.axes @ middle
+        self._empty: tuple[Any, ...] | None = None  # a view, and what is seen without splats
 
     def behind(self, camera: Camera, moved: Moved) -> Float[np.ndarray, "height width 3"]:
         """Picture of what is behind the splats: the ground with their shadow, and the sky."""
         from scipy.ndimage import map_coordinates
 
+        view = (camera.center, camera.focal, camera.size, camera.pose.tobytes())
+        if self._empty is None or view != self._empty[0]:
+            self._empty = (view, *self._drawn(camera))
+        _, sky, near, grey, fade, at = self._empty
+        if self.ground is None:
+            return sky
+        shadow = map_coordinates(self._shadows(moved), at, order=1, mode="constant")
+        floor = (grey * (1 - DARK * shadow))[:, None]
+        picture = sky.copy()
+        picture[near] += (floor - sky[near]) * fade[:, None]
+        return picture
+
+    def _drawn(self, camera: Camera) -> tuple[np.ndarray, ...]:
+        """Sky, pixels of the ground; its grey there, how far it hides the sky, and map places."""
         height = np.linspace(0, 1, camera.size[0])[:, None, None]
         sky = np.broadcast_to(SKY[0] + height * (SKY[1] - SKY[0]), (*camera.size, 3))
         if self.ground is None:
-            return sky
-        rays = camera.directions()
-        down, above = rays @ self.up, float(camera.position @ self.up) - self.ground
-        far = np.where(down < -1e-6, -above / np.minimum(down, -1e-6), np.inf)
-        seen = np.isfinite(far) & (far > 0)
-        at = np.zeros((*camera.size, 2))
-        at[seen] = (camera.position + far[seen, None] * rays[seen]) @ self.axes.T
-        away = (at - self.middle) / self.size
-        fade = np.where(seen, np.exp(-((np.linalg.norm(away, axis=2) / SEEN) ** 2)), 0.0)
+            return sky, sky, sky, sky, sky
+        # The ray of a pixel is (x, y, -1) to the camera: its part along a way is a sum over them
+        x = (np.arange(camera.size[1]) + 0.5 - camera.center[0]) / camera.focal[0]
+        y = (camera.center[1] - np.arange(camera.size[0]) - 0.5)[:, None] / camera.focal[1]
+
+        def along(way: np.ndarray) -> np.ndarray:
+            right, over, back = way @ camera.pose[:3, :3]
+            return right * x + over * y - back
+
+        above, down = float(camera.position @ self.up) - self.ground, along(self.up)
+        near = (down < -1e-6) & (above > 0)
+        far = -above / down[near]
+        ground = [way @ camera.position + far * along(way)[near] for way in self.axes]
+        away = (np.stack(ground, axis=1) - self.middle) / self.size
+        far = far * np.sqrt(1 + x**2 + y**2)[near]
+        fade = np.exp(-(away**2).sum(axis=1) / SEEN**2)
+        some = fade > 1e-3  # beyond, the sky alone is seen
+        near[near] = some
+        far, away, fade = far[some], away[some], fade[some]
         # Lines as wide as a pixel where they are near, and fainter beyond
         cell = np.abs((2 * away + 0.5) % 1 - 0.5)
-        pixel = np.where(seen, far, 1.0) / (camera.focal[0] * self.size)
-        lines = np.clip(1.2 - cell / (2 * pixel[..., None]), 0, 1).max(axis=2)
-        grey = FLOOR - LINE * lines
-        across = (at - self.middle) / (2 * SEEN * self.size) + 0.5
-        index = np.moveaxis(across * CELLS - 0.5, 2, 0)
-        shadow = map_coordinates(self._shadows(moved), index, order=1, mode="constant")
-        floor = (grey * (1 - DARK * shadow))[..., None]
-        return sky + (floor - sky) * fade[..., None]
+        pixel = far / (camera.focal[0] * self.size)
+        lines = np.clip(1.2 - cell / (2 * pixel[:, None]), 0, 1).max(axis=1)
+        index = (away / (2 * SEEN) + 0.5).T * CELLS - 0.5
+        return sky, near, FLOOR - LINE * lines, fade, index
 
     def _shadows(self, moved: Moved) -> Float[np.ndarray, "cells cells"]:
         """Fraction of the sun's light that is taken from the ground, blurred by height."""
@@ -236,10 +268,6 @@ class WebP:
     def __init__(self, path: Path, size: tuple[int, int], fps: float = FPS) -> None:
         self.path, self.size, self.fps = path, size, fps
         self.frames = self._kept()
-        if not self.frames:
-            head = b"VP8X" + _u(10, 4) + _u(2, 4) + _u(size[0] - 1, 3) + _u(size[1] - 1, 3)
-            head += b"ANIM" + _u(6, 4) + b"\xff" * 4 + _u(0, 2)  # endlessly repeated
-            path.write_bytes(b"RIFF" + _u(4 + len(head), 4) + b"WEBP" + head)
 
     def add(self, image: Image) -> None:
         """Append a frame; until its length is in the header, the file is as it was before."""
@@ -251,13 +279,21 @@ class WebP:
         start, end = (round(1000 * n / self.fps) for n in (self.frames, self.frames + 1))
         body = _u(0, 6) + _u(self.size[0] - 1, 3) + _u(self.size[1] - 1, 3)
         body += _u(end - start, 3) + b"\x02" + held.getvalue()[12:]
-        with self.path.open("r+b") as file:
-            file.seek(0, os.SEEK_END)
-            file.write(b"ANMF" + _u(len(body), 4) + body + b"\0" * (len(body) % 2))
-            length = file.tell()
-            file.flush()
-            file.seek(4)
-            file.write(_u(length - 8, 4))
+        chunk = b"ANMF" + _u(len(body), 4) + body + b"\0" * (len(body) % 2)
+        if self.frames:
+            with self.path.open("r+b") as file:
+                file.seek(0, os.SEEK_END)
+                file.write(chunk)
+                length = file.tell()
+                file.flush()
+                file.seek(4)
+                file.write(_u(length - 8, 4))
+        else:  # a film without a frame is none
+            width, height = self.size
+            head = b"VP8X" + _u(10, 4) + _u(2, 4) + _u(width - 1, 3) + _u(height - 1, 3)
+            head += b"ANIM" + _u(6, 4) + b"\xff" * 4 + _u(0, 2) + chunk  # endlessly repeated
+            with writing(self.path) as new:
+                new.write_bytes(b"RIFF" + _u(4 + len(head), 4) + b"WEBP" + head)
         self.frames += 1
 
     def _kept(self) -> int:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import struct
+from typing import Any
 
 import numpy as np
 
@@ -35,7 +36,9 @@ def read_pcd(path: str | os.PathLike) -> PointTable:
         dtype, n = np.dtype(fields), int(header["POINTS"][0])
         body, encoding = content[start:], header["DATA"][0]
         # What of the header says more than the points do
-        more = [] if header.get("HEIGHT", ["1"]) == ["1"] else [Note("pcd.rows_camera")]
+        more: list[Note | str] = (
+            [] if header.get("HEIGHT", ["1"]) == ["1"] else [Note("pcd.rows_camera")]
+        )
         more += [] if header.get("VIEWPOINT", _VIEWPOINT) == _VIEWPOINT else ["viewpoint"]
         remarks, others = tuple(header["#"]), Others(_TITLE, tuple(more), header)
         if encoding == "binary_compressed":
@@ -50,7 +53,7 @@ def read_pcd(path: str | os.PathLike) -> PointTable:
         if encoding == "ascii":
             rows = _ascii(body, dtype, n)
         elif 0 <= n * dtype.itemsize <= len(body):
-            rows = np.frombuffer(body, dtype=dtype, count=n).copy()
+            rows: Any = np.frombuffer(body, dtype=dtype, count=n).copy()
         else:
             raise InputError("pcd.points_bytes", n=n, itemsize=dtype.itemsize, count=len(body))
         return PointTable({name: rows[name] for name in dtype.names or ()}, remarks, others)

@@ -6,9 +6,10 @@ Splats packed in chunks are unpacked.
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -24,7 +25,7 @@ _TYPES = {
     "char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4",
     "float": "f4", "double": "f8",
     "int8": "i1", "uint8": "u1", "int16": "i2", "uint16": "u2", "int32": "i4", "uint32": "u4",
-    "float32": "f4", "float64": "f8",
+    "float32": "f4", "float64": "f8", "int64": "i8", "uint64": "u8",
 }  # fmt: skip
 _NAMES = {code: name for name, code in reversed(_TYPES.items())}
 _ORDERS: dict[str, Literal["=", "<", ">"]] = {
@@ -74,7 +75,8 @@ def parse_ply(data: bytes, *, surface: bool = False) -> Ply:
     if not data.startswith(b"ply"):
         raise InputError("ply.first_line", lines=data[:20].decode("utf-8", "replace"))
     head, end, _ = data[:_HEADER_BYTES].partition(b"end_header")
-    start = data.find(b"\n", len(head)) + 1
+    lone = re.match(rb"ply[ \t]*\r(?!\n)", data)  # lines end as on old Macintoshes
+    start = data.find(b"\r" if lone else b"\n", len(head)) + 1
     if not end or not start:
         raise InputError("ply.header_end")
     header = [line.strip() for line in head.decode("utf-8", "replace").splitlines()[1:]]
@@ -90,7 +92,7 @@ def parse_ply(data: bytes, *, surface: bool = False) -> Ply:
             words = data[start:].split(None, count * len(fields)) if count < len(data) else []
             if len(words) < count * len(fields):
                 raise InputError("ply.rows_announced", count=count)
-            table = np.empty(count, dtype=dtype)
+            table: Any = np.empty(count, dtype=dtype)
             for i, (field, kind, _) in enumerate(fields):
                 column = np.array(words[i : count * len(fields) : len(fields)], dtype="S")
                 table[field] = column.astype(kind)
@@ -110,7 +112,8 @@ def parse_ply(data: bytes, *, surface: bool = False) -> Ply:
         if not late:
             raise InputError("ply.vertex_element", wanted=WANTED)
         plain = [(name, kind) for name, kind, counter in late[0].fields if counter is None]
-        elements["vertex"] = np.zeros(late[0].count, np.dtype(plain))
+        empty: Any = np.zeros(late[0].count, np.dtype(plain))
+        elements["vertex"] = empty
         for rows in listed(ply)["vertex"]:
             for name, _ in plain:
                 elements["vertex"][name][rows.number] = rows.values[name][:, 0]

@@ -123,9 +123,14 @@ def _ellipses(
     ahead = depth > NEAREST * np.median(np.abs(depth[finite])) if finite.any() else finite
     rows = np.flatnonzero(finite & ahead)
     rows = rows[np.argsort(depth[rows], kind="stable")]
-    turned = camera.pose[:3, :3].T @ roots.transpose(1, 2, 0).reshape(3, -1)
+    # Single precision from here on, as the picture's
+    single, seen = (
+        roots.astype(np.float32).transpose(1, 2, 0).reshape(3, -1),
+        seen.astype(np.float32),
+    )
+    depth, turned = seen[:, 2], camera.pose[:3, :3].T.astype(np.float32) @ single
     right, above, behind = turned.reshape(3, 3, -1)  # by column of a root, and splat
-    (fx, fy), (middle_x, middle_y) = camera.focal, camera.center
+    (fx, fy), (middle_x, middle_y) = np.array([camera.focal, camera.center], np.float32)
     with np.errstate(all="ignore"):  # of what is not in ``rows``
         across = (fx * right + (seen[:, 0] - middle_x) * behind) / depth
         up = ((seen[:, 1] - middle_y) * behind - fy * above) / depth

@@ -129,9 +129,11 @@ def stiffness(grid: Discretisation, lam: np.ndarray, mu: np.ndarray) -> BlockMat
     device, pattern = grid.device, grid.pattern
     kernels = elastic_kernels(LAWS[Law.LINEAR])
     values = wp.zeros(pattern.columns.shape[0], dtype=wp.mat33d, device=device)
-    kernel = kernels.stiffness_p1 if grid.space.order == 1 else kernels.stiffness_p2
+    kernel, rows = (
+        (kernels.stiffness_p1, 1) if grid.space.order == 1 else (kernels.stiffness_p2, 10)
+    )
     inputs = [grid.tets, *grid.constants(lam, mu), pattern.slots, values]
-    wp.launch(kernel, len(lam), inputs=inputs, device=device)
+    wp.launch(kernel, rows * len(lam), inputs=inputs, device=device)
     return BlockMatrix(pattern.rows, pattern.columns, values)
 
 
@@ -275,15 +277,18 @@ def node_supports(supports: Supports, space: Space) -> Supports:
             count_2=len(space.nodes),
             order=space.order,
         )
-    edges, outer = space.edges, space.outer_edges[:, None]
-    places = [
-        np.concatenate([place, place[edges].all(axis=1) & outer]) for place in supports.places
-    ]
-    fixed = np.concatenate([supports.fixed, np.zeros((len(edges), 3), dtype=bool)])
+    (a, b), outer = space.edges.T, space.outer_edges[:, None]
+    places = [np.concatenate([place, place[a] & place[b] & outer]) for place in supports.places]
+    fixed = np.concatenate([supports.fixed, np.zeros((len(a), 3), dtype=bool)])
+    for place in places:
+        fixed |= place
+    values = np.zeros(fixed.shape)
+    if supports.values.any():
+        values = extend_linear(space, supports.values)
     return Supports(
-        np.any([fixed, *places], axis=0),
-        extend_linear(space, supports.values),
-        np.concatenate([supports.springs, np.zeros((len(edges), 3))]),
+        fixed,
+        values,
+        np.concatenate([supports.springs, np.zeros((len(a), 3))]),
         supports.assumed,
         tuple(places),
     )

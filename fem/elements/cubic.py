@@ -178,11 +178,30 @@ class CubicElements:
         where: Float[np.ndarray, "points 4"],
     ) -> Float[np.ndarray, "some points 3 3"]:
         """Gradients [1] of both parts together at barycentric points of some ``tets``."""
+        slopes, g = self._gradients(tets, where)
+        return np.einsum("tac,qam,tmd->tqcd", self._local(u, x, tets), slopes, g, optimize=True)
+
+    def flux_forces(
+        self, flux: Float[np.ndarray, "tets points 3 3"], where: Float[np.ndarray, "points 4"]
+    ) -> Float[np.ndarray, "surplus 3"]:
+        """Forces [N] on the surplus of a ``flux`` [Pa] at points of equal weights of every tet."""
+        slopes, g = self._gradients(slice(None), where)
+        flux = flux * (self.mesh.volumes / len(where))[:, None, None, None]
+        own = np.einsum("tqcd,qam,tmd->tac", flux, slopes[:, 10:], g, optimize=True)
+        return self._gathered(own)
+
+    def _gradients(self, tets: Any, where: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Slopes (points, 20, 4) by barycentric coordinates; their gradients (some, 4, 3) [1/m]."""
         corners = self.mesh.points[self.mesh.tets[tets]]
         inner = np.linalg.inv(corners[:, 1:] - corners[:, :1]).transpose(0, 2, 1)
         g = np.concatenate([-inner.sum(axis=1, keepdims=True), inner], axis=1)
-        slopes = np.einsum("qi,aim->qam", shape_functions(2, where), _slopes_at_nodes())
-        return np.einsum("tac,qam,tmd->tqcd", self._local(u, x, tets), slopes, g, optimize=True)
+        return np.einsum("qi,aim->qam", shape_functions(2, where), _slopes_at_nodes()), g
+
+    def _gathered(self, own: Float[np.ndarray, "tets 10 3"]) -> Float[np.ndarray, "surplus 3"]:
+        """Sums on the surplus of what its ten functions have in every tet."""
+        own, ids = own * self._signs(slice(None)), self.numbers.ravel()
+        sums = [np.bincount(ids, own[..., axis].ravel(), self.count) for axis in range(3)]
+        return np.stack(sums, axis=1)
 
     def weigh(
         self, u: Float[np.ndarray, "nodes 3"], x: Float[np.ndarray, "surplus 3"]
@@ -191,9 +210,7 @@ class CubicElements:
         local = self._local(u, x)
         mass = self.material.rho * self.mesh.volumes
         pushed = mass[:, None, None] * (_mass() @ local)
-        own, ids = pushed[:, 10:] * self._signs(slice(None)), self.numbers.ravel()
-        sums = [np.bincount(ids, own[..., axis].ravel(), self.count) for axis in range(3)]
-        return np.stack(sums, axis=1), float((local * pushed).sum())
+        return self._gathered(pushed[:, 10:]), float((local * pushed).sum())
 
     def _signs(self, tets: Any) -> Float[np.ndarray, "some 10 1"]:
         """An edge's function changes its sign with the way along it: up in the mesh's points."""

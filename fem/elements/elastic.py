@@ -56,9 +56,10 @@ class ElasticBody:
             self._tensor = start_warp().array(beyond, dtype=mat66d, device=grid.device)
         self._arrays = [grid.tets, *grid.constants(*lame)]
 
-    def _launch(self, kernel: Any, inputs: list) -> None:
-        tets = len(self.grid.space.elements)
-        start_warp().launch(kernel, tets, inputs=inputs, device=self.grid.device)
+    def _launch(self, kernel: Any, inputs: list, rows: int = 1) -> None:
+        """Launch ``rows`` threads a tet."""
+        size = rows * len(self.grid.space.elements)
+        start_warp().launch(kernel, size, inputs=inputs, device=self.grid.device)
 
     def response(self, u: Float[np.ndarray, "nodes 3"]) -> Response:
         """Energy and force at the displacement ``u`` [m]."""
@@ -103,16 +104,16 @@ class ElasticBody:
                 return linear_stiffness(self.grid, self.material)
             inputs = [*arrays, self._tensor, True, 1.0, self.grid.array(u), None, projected]
             self._launch(k.tensor_tangent, [*inputs, pattern.slots, values])
-        kernels, p1 = self._kernels, self.grid.space.order == 1
+        kernels, p1, rows = self._kernels, self.grid.space.order == 1, 1
         if kernels.stiffness_p1:
-            kernel = kernels.stiffness_p1 if p1 else kernels.stiffness_p2
+            kernel, rows = (kernels.stiffness_p1, 1) if p1 else (kernels.stiffness_p2, 10)
         else:
             arrays, kernel = [*arrays, self.grid.array(u)], kernels.exact
             if kernels.projected and (projected or not kernels.exact):
                 kernel = kernels.projected
             elif self._law.tangent_p1 and p1:
                 kernel = self._law.tangent_p1
-        self._launch(kernel, [*arrays, pattern.slots, values])
+        self._launch(kernel, [*arrays, pattern.slots, values], rows)
         return BlockMatrix(pattern.rows, pattern.columns, values)
 
 

@@ -91,6 +91,11 @@ class FollowingLoads:
         for nodes, p, _ in self.pressed:
             across = np.cross(*np.einsum("qks,fkd->sfqd", self.D, x[nodes]))
             np.add.at(total, nodes, -np.einsum("f,q,qk,fqd->fkd", p, self.weights, self.N, across))
+        return total + self.torques(u)
+
+    def torques(self, u: Float[np.ndarray, "nodes 3"]) -> Float[np.ndarray, "nodes 3"]:
+        """Those of them [N] that torques make."""
+        total, x = np.zeros_like(u), self.rest + u
         for load, nodes, fractions, torque in self.turned:
             each = turning_traction(x, load, torque) * face_areas(x, load.faces)[:, None]
             np.add.at(total, nodes, fractions[:, :, None] * each[:, None])

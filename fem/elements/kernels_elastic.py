@@ -253,19 +253,20 @@ def _stiffness(law: ElasticLaw, stiffness_block: Any) -> tuple[Any, Any]:
 
     @wp.kernel(module=law.energy_and_stress.module)
     def stiffness_p2(tets: Tets, lam: Doubles, mu: Doubles, slots: IntRows, values: Blocks):
-        t = wp.tid()
+        """A thread has one of the ten rows of a tet."""
+        t = wp.tid() // 10
+        a = wp.tid() - 10 * t
         g = gradients(tets, t)
         w = wp.float64(1.0) / (wp.float64(24.0) * six_volumes(tets, t))
-        for a in range(10):
-            p = gradients_of(a, g, tets)
-            for b in range(a, 10):
-                q = gradients_of(b, g, tets)
-                block = wp.mat33d()
-                for n in range(4):
-                    block += stiffness_block(row3(p, n), row3(q, n), w * lam[t], w * mu[t])
-                wp.atomic_add(values, slots[t, 10 * a + b], block)
-                if b > a:
-                    wp.atomic_add(values, slots[t, 10 * b + a], wp.transpose(block))
+        p = gradients_of(a, g, tets)
+        for b in range(a, 10):
+            q = gradients_of(b, g, tets)
+            block = wp.mat33d()
+            for n in range(4):
+                block += stiffness_block(row3(p, n), row3(q, n), w * lam[t], w * mu[t])
+            wp.atomic_add(values, slots[t, 10 * a + b], block)
+            if b > a:
+                wp.atomic_add(values, slots[t, 10 * b + a], wp.transpose(block))
 
     return stiffness_p1, stiffness_p2
 

@@ -87,7 +87,8 @@ def make_space(mesh: TetMesh, order: int) -> Space:
 
 def extend_linear(space: Space, values: np.ndarray) -> np.ndarray:
     """Values at mesh points (points, ...) continued linearly to all nodes (nodes, ...)."""
-    return np.concatenate([values, values[space.edges].mean(axis=1)])
+    a, b = space.edges.T  # a mean over an axis of two takes numpy several times longer
+    return np.concatenate([values, (values[a] + values[b]) / 2])
 
 
 def p2_unknowns(mesh: TetMesh) -> int:

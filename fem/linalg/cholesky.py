@@ -85,17 +85,20 @@ class CholeskyFactor:
 
     def solve(self, b: Float[np.ndarray, "nodes 3 *vectors"]) -> Float[np.ndarray, "..."]:
         """Solve A x = b for one or more right-hand sides, shape (nodes, 3) or (nodes, 3, n)."""
-        from scipy.linalg.blas import dtrsm  # type: ignore  (by f2py)
-
-        from . import kernels_cholesky as k
+        from scipy.linalg.blas import dgemv, dtrsm, dtrsv  # type: ignore  (by f2py)
 
         order = self.plan.order.numpy()
         x = b[order].reshape(3 * len(order), *b.shape[2:])
         if b.ndim == 2:
-            wp = start_warp()
-            vector = wp.array(x, dtype=wp.float64, device="cpu", copy=False)
-            inputs = [self.plan.fronts, self._numbers, vector]
-            wp.launch(k.substitute, 1, inputs=inputs, device="cpu")
+            for square, lower, low, high, rows in self._panels:
+                own = dtrsv(square, x[low:high], lower=1, overwrite_x=1)
+                if len(rows):
+                    x[rows] -= dgemv(1.0, lower, own)
+            for square, lower, low, high, rows in reversed(self._panels):
+                own = x[low:high]
+                if len(rows):
+                    dgemv(-1.0, lower, x[rows], beta=1.0, y=own, trans=1, overwrite_y=1)
+                dtrsv(square, own, lower=1, trans=1, overwrite_x=1)
         else:
             for square, lower, low, high, rows in self._panels:
                 own = x[low:high]

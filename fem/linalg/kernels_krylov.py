@@ -327,10 +327,11 @@ def corner_matrix(
     coarse_rows: Ints,
     coarse_columns: Ints,
     coarse: Blocks,
+    lanes: int,
 ):
-    """Add P^T A P, row by row of A."""
-    i = wp.tid()
-    for s in range(rows[i], rows[i + 1]):
+    """Add P^T A P, row by row of A, each by so many threads."""
+    i, lane = wp.tid()
+    for s in range(rows[i] + lane, rows[i + 1], lanes):
         j = columns[s]
         block = wp.transpose(transfer[i]) * values[s] * transfer[j]
         for a in range(2):

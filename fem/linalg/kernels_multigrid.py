@@ -346,6 +346,38 @@ def single_prolong(start: Ints, aggregates: Ints, transfer: Singles, coarse: Dou
 
 
 @wp.kernel
+def single_restrict_to_corners(
+    first: Ints, member: Ints, transfer: Blocks, inverse: Blocks, r: Singles, coarse: Vectors
+):
+    """Load of a level of corners, scaled, a block of threads a corner: nodes that end there."""
+    a, lane = wp.tid()
+    total = wp.vec3d()
+    for m in range(first[a] + lane, first[a + 1], wp.block_dim()):
+        i = member[m]
+        here = wp.vec3d(wp.vec3(r[3 * i], r[3 * i + 1], r[3 * i + 2]))
+        total += wp.transpose(transfer[i]) * here
+    whole = wp.vec3d()
+    for c in range(3):
+        whole[c] = wp.tile_extract(wp.tile_sum(wp.tile(total[c])), 0)
+    if lane == 0:
+        coarse[a] = inverse[a] * whole
+
+
+@wp.kernel
+def single_prolong_from_corners(
+    ends: wp.array(dtype=wp.vec2i), transfer: Blocks, inverse: Blocks, coarse: Vectors, x: Singles
+):
+    """Add to ``x`` what the level of corners found, scaled."""
+    i = wp.tid()
+    a = ends[i][0]
+    b = ends[i][1]
+    sum = wp.transpose(inverse[a]) * coarse[a] + wp.transpose(inverse[b]) * coarse[b]
+    part = transfer[i] * sum
+    for c in range(3):
+        x[3 * i + c] = x[3 * i + c] + wp.float32(part[c])
+
+
+@wp.kernel
 def dense_multiply(matrix: DoubleRows, x: Doubles, y: Doubles):
     """Product y = matrix x, one block of threads a row."""
     i, lane = wp.tid()

@@ -6,6 +6,7 @@ Its functions are smoothed rigid motions of aggregates, or linear ones of the co
 from __future__ import annotations
 
 import logging
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
@@ -16,7 +17,7 @@ from jaxtyping import Float, Int
 from ..device import Recent, Recorder, Replay, start_warp
 from ..elements.assembly import BlockMatrix, Pattern, apply_supports, free_components
 from ..errors import ConvergenceError
-from .cholesky import CholeskyFactor, planned_elimination
+from .cholesky import CholeskyFactor, NotPositive, planned_elimination
 from .krylov import BLOCK, LargestEigenvalue, SlicedMatrix, whole_blocks
 
 logger = logging.getLogger(__name__)
@@ -201,7 +202,8 @@ class TwoLevel:
 
     ``points`` (nodes, 3) [m] and ``fixed`` (nodes, 3) describe the nodes to the coarse level;
     ``degree`` is that of the smoother. With the ``edges`` of a P2 space (nodes - corners, 2) the
-    linear functions of its corners are that level, else the rigid motions of aggregates.
+    linear functions of its corners are that level, ``factored`` or with a level below in turn, else
+    the rigid motions of aggregates.
     """
 
     def __init__(
@@ -211,6 +213,7 @@ class TwoLevel:
         fixed: np.ndarray,
         degree: int = DEGREE,
         edges: np.ndarray | None = None,
+        factored: bool = True,
     ) -> None:
         on_gpu, self.largest = scaled.matrix.values.device.is_cuda, scaled.largest
         self.smoother = Smoother(scaled.matrix, scaled.largest, degree, single=on_gpu)
@@ -219,18 +222,20 @@ class TwoLevel:
         if edges is None:
             self.level = AggregateLevel(scaled, points, fixed, *vectors)
         else:
-            self.level = CornerLevel(scaled.matrix, scaled.lower, edges, fixed, *vectors)
+            corners = points[: len(points) - len(edges)]
+            below = None if factored and not on_gpu else corners
+            self.level = CornerLevel(scaled.matrix, scaled.lower, edges, fixed, *vectors, below)
 
     def take(self, scaled: Scaled, points: np.ndarray, fixed: np.ndarray) -> bool:
         """Become the cycle of another system of the same pattern, in the same arrays, on a GPU.
 
         False where its polynomials or groups of nodes would be others: make a new one then.
         """
-        level, sliced = self.level, self.smoother.sliced
-        if not isinstance(level, AggregateLevel) or sliced is None:
+        sliced = self.smoother.sliced
+        if sliced is None:
             return False
         alike = LIKE * self.largest <= scaled.largest <= self.largest / LIKE
-        if not alike or not level.take(scaled, points, fixed):
+        if not alike or not self.level.take(scaled, points, fixed):
             return False
         sliced.refresh()
         return True
@@ -245,10 +250,12 @@ class TwoLevel:
 
 
 # Boxes of the coarse space, six unknowns each: its functions are smoothed rigid motions of their
-# nodes. A dense factor of 1536 takes a CPU 50 ms; a GPU inverts the matrix: fewer pay there.
+# nodes. A dense factor of 1536 takes a CPU 50 ms; a GPU inverts the matrix: fewer pay there, but of
+# few nodes each, for an iteration takes small bodies as long as large ones.
 BOXES = 256
 BOXES_GPU = 128
 NODES_PER_BOX = 100
+NODES_PER_BOX_GPU = 40
 # Fraction by which the diagonal of a coarse matrix is raised before a GPU inverts it: dependent
 # rigid modes of small groups leave it singular to round-off.
 RAISE = 1e-12
@@ -369,8 +376,10 @@ def _groups(A: BlockMatrix, points: np.ndarray, free: Any) -> Groups:
     wp, device = start_warp(), A.values.device
     groups = _RECENT_BOXES.get(points, device)
     if groups is None:
-        most = BOXES_GPU if device.is_cuda else BOXES
-        count = min(most, max(1, len(points) // NODES_PER_BOX))
+        most, size = BOXES, NODES_PER_BOX
+        if device.is_cuda:
+            most, size = BOXES_GPU, NODES_PER_BOX_GPU
+        count = min(most, max(1, len(points) // size))
         groups = make_groups(points, boxes(points, count), device)
         _RECENT_BOXES.keep(groups, points, device)
     weak = wp.zeros(1, dtype=wp.int32, device=device)
@@ -485,13 +494,15 @@ def _raised_factor(matrix: np.ndarray):
     raise ConvergenceError("multigrid.stiffness_matrix")
 
 
+# Threads that a GPU gives a row of the matrix when the linear functions' one is made of it.
+LANES = 8
 # Patterns of the corners of the last spaces, by their edges.
 _RECENT_CORNERS: Recent[Pattern] = Recent(2)
 
 
-def corner_pattern(edges: np.ndarray, nodes: int) -> Pattern:
+def corner_pattern(edges: np.ndarray, nodes: int, device: str = "cpu") -> Pattern:
     """Pattern of the linear functions below a quadratic space of ``nodes`` with ``edges``."""
-    if (kept := _RECENT_CORNERS.get(edges)) is not None:
+    if (kept := _RECENT_CORNERS.get(edges, device)) is not None:
         return kept
     from scipy.sparse import coo_array
 
@@ -500,53 +511,116 @@ def corner_pattern(edges: np.ndarray, nodes: int) -> Pattern:
     i, j = np.concatenate([edges, edges[:, ::-1], np.stack([own, own], axis=1)]).T
     graph = coo_array((np.ones(len(i), dtype=np.int8), (i, j)), shape=(corners,) * 2).tocsr()
     graph.sort_indices()
-    rows = wp.array(graph.indptr, dtype=wp.int32, device="cpu")
-    columns = wp.array(graph.indices, dtype=wp.int32, device="cpu")
-    return _RECENT_CORNERS.keep(Pattern(rows, columns, None), edges)
+    rows = wp.array(graph.indptr, dtype=wp.int32, device=device)
+    columns = wp.array(graph.indices, dtype=wp.int32, device=device)
+    return _RECENT_CORNERS.keep(Pattern(rows, columns, None), edges, device)
 
 
 class CornerLevel:
-    """Adds P (P^T A P)^-1 P^T r to z; P interpolates linearly between corners. On the CPU.
+    """Adds P B P^T r to z; P interpolates linearly between corners, B is near (P^T A P)^-1.
 
     A p-multigrid: the smoother has only the middles of the edges to care for, however thin the body
     or flat its tets. A is ``matrix``, scaled by the blocks ``lower``; ``fixed`` (nodes, 3) stay 0.
+    B is a factor, on the CPU, or with the ``points`` (corners, 3) [m] a V-cycle over aggregates of
+    them; r and z are of vec3d or, on a GPU, flat and single.
 
     Raises NotPositive: If P^T A P is singular: the body is not held.
     """
 
     def __init__(
-        self, matrix: BlockMatrix, lower: Any, edges: np.ndarray, fixed: np.ndarray, r: Any, z: Any
+        self,
+        matrix: BlockMatrix,
+        lower: Any,
+        edges: np.ndarray,
+        fixed: np.ndarray,
+        r: Any,
+        z: Any,
+        points: np.ndarray | None = None,
     ) -> None:
         from . import kernels_krylov as k
+        from . import kernels_multigrid as m
 
-        wp = start_warp()
-        corners = matrix.nodes - len(edges)
-        own = np.arange(corners)
-        ends = np.concatenate([np.stack([own, own], axis=1), edges])
-        ends = wp.array(ends, dtype=wp.vec2i, device="cpu")
-        free = wp.array(~fixed, dtype=wp.vec3d, device="cpu")
-        transfer = wp.empty(matrix.nodes, dtype=wp.mat33d, device="cpu")
-        launch = Recorder(matrix.nodes, "cpu")
-        launch(k.corner_transfers, [lower, free, transfer]).launch()
-        pattern = corner_pattern(edges, matrix.nodes)
-        values = wp.zeros(len(pattern.columns), dtype=wp.mat33d, device="cpu")
-        below = BlockMatrix(pattern.rows, pattern.columns, values)
-        arrays = [matrix.rows, matrix.columns, matrix.values, ends, transfer]
-        launch(k.corner_matrix, [*arrays, below.rows, below.columns, values]).launch()
-        apply_supports(below, np.zeros((corners, 3), dtype=bool))  # empty rows get their 1
-        self.factor = CholeskyFactor(below, planned_elimination(pattern))
-        self.load, self.solution = (
-            wp.zeros(corners, dtype=wp.vec3d, device="cpu") for _ in range(2)
+        wp, device = start_warp(), matrix.values.device
+        self.corners, self.points = matrix.nodes - len(edges), points
+        own = np.arange(self.corners)
+        both = np.concatenate([np.stack([own, own], axis=1), edges])
+        ends = wp.array(both, dtype=wp.vec2i, device=device)
+        self.free, transfer = (
+            wp.empty(matrix.nodes, dtype=dtype, device=device) for dtype in (wp.vec3d, wp.mat33d)
         )
-        self.restrict = launch(k.restrict_to_corners, [ends, transfer, r, self.load])
-        self.prolong = launch(k.prolong_from_corners, [ends, transfer, self.solution, z])
+        pattern = corner_pattern(edges, matrix.nodes, str(device))
+        values = wp.empty(len(pattern.columns), dtype=wp.mat33d, device=device)
+        self.below = BlockMatrix(pattern.rows, pattern.columns, values)
+        launch = Recorder(matrix.nodes, device)
+        lanes = LANES if device.is_cuda else 1
+        arrays = [matrix.rows, matrix.columns, matrix.values, ends, transfer]
+        arrays += [pattern.rows, pattern.columns, values, lanes]
+        self.commands = [
+            launch(k.corner_transfers, [lower, self.free, transfer]),
+            launch(k.corner_matrix, arrays, size=(matrix.nodes, lanes)),
+        ]
+        self._project(fixed)
+        # What makes z of r: functions without arguments
+        self.work: list[Callable[[], None]] = []
+        self.cycle: TwoLevel | None = None
+        if points is not None:
+            self.system = scale(self.below)
+            if np.isnan(self.system.largest):
+                raise NotPositive
+            cycle = self.cycle = TwoLevel(self.system, points, fixed[: self.corners])
+            inverse = self.system.inverse
+            if device.is_cuda:
+                order = np.argsort(both, axis=None, kind="stable")
+                first = np.concatenate([[0], np.cumsum(np.bincount(both.ravel()))])
+                listed = [wp.array(x, dtype=int, device=device) for x in (first, order // 2)]
+                restrict = wp.launch_tiled(
+                    m.single_restrict_to_corners,
+                    dim=[self.corners],
+                    inputs=[*listed, transfer, inverse, r, cycle.r],
+                    block_dim=k.SLICE,
+                    device=device,
+                    record_cmd=True,
+                )
+                inputs = [ends, transfer, inverse, cycle.z, z]
+                prolong = launch(m.single_prolong_from_corners, inputs)
+                self.work = [restrict.launch, cycle.apply, prolong.launch]
+                return
+        load, solution = (wp.zeros(self.corners, dtype=wp.vec3d, device=device) for _ in range(2))
+        restrict = launch(k.restrict_to_corners, [ends, transfer, r, load])
+        prolong = launch(k.prolong_from_corners, [ends, transfer, solution, z])
+        if self.cycle is None:
+            factor = CholeskyFactor(self.below, planned_elimination(pattern))
+            between = [lambda: np.copyto(solution.numpy(), factor.solve(load.numpy()))]
+        else:
+            launch = Recorder(self.corners, device)
+            scaling = launch(k.block_multiply, [inverse, load, False, cycle.r])
+            back = launch(k.block_multiply, [inverse, cycle.z, True, solution])
+            between = [scaling.launch, cycle.apply, back.launch]
+        self.work = [load.zero_, restrict.launch, *between, prolong.launch]
+
+    def _project(self, fixed: np.ndarray) -> None:
+        """Make P and P^T A P of the numbers that A has."""
+        start_warp().copy(self.free, free_components(fixed, self.free.device))
+        self.below.values.zero_()
+        for command in self.commands:
+            command.launch()
+        apply_supports(self.below, np.zeros((self.corners, 3), dtype=bool))  # empty rows get a 1
+
+    def take(self, scaled: Scaled, points: np.ndarray, fixed: np.ndarray) -> bool:
+        """Become the level of another system of the same pattern, in the same arrays, on a GPU.
+
+        False where the level below would be another.
+        """
+        assert self.cycle is not None  # on a GPU
+        assert self.points is not None
+        self._project(fixed)
+        self.system.refresh()
+        return self.cycle.take(self.system, self.points, fixed[: self.corners])
 
     def apply(self) -> None:
         """Correct z by what the linear functions can of r."""
-        self.load.zero_()
-        self.restrict.launch()
-        self.solution.numpy()[:] = self.factor.solve(self.load.numpy())
-        self.prolong.launch()
+        for each in self.work:
+            each()
 
 
 class Inversion:

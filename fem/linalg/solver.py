@@ -42,6 +42,7 @@ MAX_ITERATIONS = 1000
 PIVOT = 1e-11
 CHOLESKY = "sparse Cholesky"
 CG_AGGREGATES, CG_LINEAR = Note("solver.cg_over"), Note("solver.cg_over_linear")
+CG_BOTH = Note("solver.cg_over_both")
 # A residual of round-off alone says nothing of x (a slab of aspect 10,000 had 2.9, and moved 4e-5
 # of what it should): its last correction does. Slabs of 2e11 Pa were off by up to ten times it.
 KNOWN = 1e-3
@@ -103,8 +104,8 @@ def solve_system(
     system = cached_system(matrix) or scale(matrix)
     if np.isnan(system.largest):  # a diagonal block is not positive
         return failed
-    options = {"tolerance": tolerance, "limit": min(patience, MAX_ITERATIONS)}
-    options |= {"points": points, "fixed": fixed, "edges": _level_edges(matrix, edges)}
+    options: dict[str, Any] = {"tolerance": tolerance, "limit": min(patience, MAX_ITERATIONS)}
+    options |= {"points": points, "fixed": fixed, **_level_below(matrix, edges)}
     try:
         solution = solve_iterative(system, b, **options)
     except NotPositive:
@@ -128,13 +129,15 @@ def solve_system(
     return direct._replace(x=x, iterations=solution.iterations, floor=solution.floor, solver=solver)
 
 
-def _level_edges(matrix: BlockMatrix, edges: np.ndarray | None) -> np.ndarray | None:
-    """``edges`` where the linear functions of the corners make an affordable coarse level."""
-    if edges is None or not len(edges) or matrix.values.device.is_cuda:
-        return None
+def _level_below(matrix: BlockMatrix, edges: np.ndarray | None) -> dict[str, Any]:
+    """Options of ``TwoLevel``: whether the linear functions of the corners are ``factored``."""
+    if edges is None or not len(edges):
+        return {"edges": None}
+    if matrix.values.device.is_cuda:
+        return {"edges": edges, "factored": False}
     plan = planned_elimination(corner_pattern(edges, matrix.nodes))
-    fits = plan.entries <= MOST_ENTRIES
-    return edges if fits and iterations_worth(plan, matrix) <= USUAL else None
+    fits = plan.entries <= MOST_ENTRIES and iterations_worth(plan, matrix) <= USUAL
+    return {"edges": edges, "factored": fits}
 
 
 def iterations_worth(plan: Elimination, matrix: BlockMatrix) -> int:
@@ -182,16 +185,18 @@ def solve_iterative(
     tolerance: float,
     limit: int,
     edges: np.ndarray | None = None,
+    factored: bool = True,
 ) -> Solution:
     """Conjugate gradients on the scaled system with the two-level preconditioner.
 
-    ``edges`` of a P2 space: linear elements are its coarse level; else aggregates are.
+    ``edges`` of a P2 space: linear elements are its coarse level, ``factored`` or over aggregates;
+    else these are.
     """
     from . import kernels_krylov as k
 
     wp = start_warp()
-    name = CG_AGGREGATES if edges is None else CG_LINEAR
-    cycle, cg = _prepared(system, points, fixed, edges)
+    name = CG_AGGREGATES if edges is None else CG_LINEAR if factored else CG_BOTH
+    cycle, cg = _prepared(system, points, fixed, edges=edges, factored=factored)
     launch = Recorder(system.matrix.nodes, cycle.device)
     size = _length(b) or 1.0
     # The V-cycle may be in single precision, whose range is small.
@@ -236,7 +241,7 @@ def rough_inverse(
 
     wp = start_warp()
     system = scale(BlockMatrix(matrix.rows, matrix.columns, wp.clone(matrix.values)))
-    cycle, cg = _prepared(system, points, fixed, _level_edges(matrix, edges))
+    cycle, cg = _prepared(system, points, fixed, **_level_below(matrix, edges))
     launch = Recorder(matrix.nodes, cycle.device)
 
     def solve(b: np.ndarray) -> np.ndarray:
@@ -297,7 +302,7 @@ def rough_factor(
     if factor is not None:
         return Inverse(matrix.times, factor.solve)
     system = scale(BlockMatrix(matrix.rows, matrix.columns, start_warp().clone(matrix.values)))
-    cycle = TwoLevel(system, points, fixed, edges=_level_edges(matrix, edges))
+    cycle = TwoLevel(system, points, fixed, **_level_below(matrix, edges))
     return _cycle_inverse(system, cycle)
 
 
@@ -319,7 +324,7 @@ def cached_system(matrix: BlockMatrix) -> Scaled | None:
 
 
 def _prepared(
-    system: Scaled, points: np.ndarray, fixed: np.ndarray, edges: np.ndarray | None
+    system: Scaled, points: np.ndarray, fixed: np.ndarray, **below: Any
 ) -> tuple[TwoLevel, ConjugateGradients]:
     """Preconditioner and CG of a ``system``: those of its arrays where they fit it, or new ones."""
     for kept, cycle, cg in [*_RECENT]:
@@ -327,9 +332,9 @@ def _prepared(
             if cycle.take(system, points, fixed):
                 return cycle, cg
             _RECENT.clear()
-    cycle = TwoLevel(system, points, fixed, edges=edges)
+    cycle = TwoLevel(system, points, fixed, **below)
     cg = ConjugateGradients(system.matrix, system.lower, cycle, cycle.r, cycle.z)
-    if edges is None and system.matrix.values.device.is_cuda:
+    if system.matrix.values.device.is_cuda:
         _RECENT[:] = [(system, cycle, cg)]
     return cycle, cg
 

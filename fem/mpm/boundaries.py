@@ -27,6 +27,10 @@ ROOM, FREE_ROOM, MOST_FREE = 0.5, 1.0, 64
 # And around a held point. A node beside a held face is held with the body next to it: with what of
 # that lies by the face, but for half a spacing.
 AROUND, BESIDE = 0.6, 0.5
+# The last step of a flight, over the whole time: what is left of it is followed.
+LEAST_FLIGHT = 1e-3
+# A body falls as one until it is so near to an obstacle [spacings]: weights reach two.
+CLEAR = 3.0
 
 
 class Touch(IntEnum):
@@ -66,14 +70,19 @@ class Wall:
         self, grid: BackgroundGrid, nodes: Int[np.ndarray, "nodes"], time: float
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Nodes of ``nodes`` in it at ``time`` [s], its normals there and velocities [m/s]."""
-        velocity = np.asarray(self.shape.velocity, dtype=float)
         # A node on the surface is in the wall, whatever the last digit of its place.
-        distance = self.shape.distance(grid.positions(nodes) - velocity * time)
+        distance = self.distance(grid.positions(nodes), time)
         inside = distance.gap <= 1e-9 * grid.spacing
         normals = distance.normal[inside]
-        if self.axis is not None:
-            normals = np.tile(np.eye(3)[self.axis], (len(normals), 1))
+        velocity = np.asarray(self.shape.velocity, dtype=float)
         return nodes[inside], normals, np.tile(velocity, (len(normals), 1))
+
+    def distance(self, x: Float[np.ndarray, "n 3"], time: float) -> Distance:
+        """Distance [m] of places [m] from it at ``time`` [s], by the normals that it acts along."""
+        gap, normal = self.shape.distance(x - np.multiply(self.shape.velocity, time))
+        if self.axis is not None:
+            normal = np.tile(np.eye(3)[self.axis], (len(x), 1))
+        return Distance(gap, normal)
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,6 +157,36 @@ def scene_room(scene: Scene, cells: int) -> BackgroundGrid:
     return grid_around(np.min(reach, axis=0), np.max(reach, axis=0), spacing, planes=planes)
 
 
+def flight_time(
+    x: Float[np.ndarray, "n 3"],
+    obstacles: Sequence[Obstacle],
+    velocity: Float[np.ndarray, "3"],
+    gravity: Float[np.ndarray, "3"],
+    duration: float,
+    *,
+    room: float,
+) -> float:
+    """How long [s] places ``x`` [m] fly as one until they are within ``room`` [m] of an obstacle.
+
+    By steps that are too short to come nearer than that; at most ``duration`` [s].
+    """
+    time = 0.0
+    while obstacles and time < duration:
+        now, moved = velocity + time * gravity, time * velocity + time**2 / 2 * gravity
+        left, fastest = np.inf, 0.0
+        for one in obstacles:
+            wall = np.asarray(one.velocity, dtype=float)
+            left = min(left, float(one.distance(x + moved - time * wall).gap.min()) - room)
+            fastest = max(fastest, float(np.linalg.norm(now - wall)))
+        pull = float(np.linalg.norm(gravity))
+        # (v + a t / 2) t is the farthest way of a time t
+        step = 2 * left / (fastest + np.sqrt(fastest**2 + 2 * pull * max(left, 0.0)) + 1e-300)
+        if step < LEAST_FLIGHT * duration:
+            return time
+        time += step
+    return duration
+
+
 def support_boundaries(
     mesh: TetMesh,
     supports: Supports,
@@ -207,6 +246,8 @@ def _face_samples(
 CLAMP_OFFSET = 0.16
 # Nodes around the room of the particles: their own weights, and a spacing of drift.
 MARGIN = 4
+# And around particles that the grid was moved to: it is not moved soon again.
+SLACK = 16
 # Nodes of a grid: 32 bytes each, two grids with two threads.
 MOST_NODES = 30_000_000
 
@@ -219,17 +260,13 @@ class BackgroundGrid(NamedTuple):
     shape: tuple[int, int, int]
 
     @property
-    def count(self) -> int:
+    def count(self) -> int:  # type: ignore  (that of a tuple, which nobody counts in)
         """Number of nodes."""
         return int(np.prod(self.shape))
 
     def first_nodes(self, x: Float[np.ndarray, "n 3"]) -> Int[np.ndarray, "n 3"]:
         """Lowest of the 27 nodes around every position [m]."""
         return np.floor((x - self.origin) / self.spacing - 0.5).astype(np.int64)
-
-    def flat(self, nodes: Int[np.ndarray, "n 3"]) -> Int[np.ndarray, "n"]:
-        """Number of every node."""
-        return (nodes[:, 0] * self.shape[1] + nodes[:, 1]) * self.shape[2] + nodes[:, 2]
 
     def positions(self, numbers: Int[np.ndarray, "n"]) -> Float[np.ndarray, "n 3"]:
         """Positions [m] of nodes by number."""
@@ -240,18 +277,24 @@ class BackgroundGrid(NamedTuple):
         first = self.first_nodes(x)
         return np.asarray(((first >= 0) & (first < np.array(self.shape) - 2)).all(axis=1))
 
-    def near(self, x: Float[np.ndarray, "n 3"], *, drift: int = 1) -> Int[np.ndarray, "nodes"]:
-        """Numbers of the nodes that particles reach while they drift up to ``drift`` spacings."""
-        mark = np.zeros(self.shape, dtype=bool)
-        mark.ravel()[self.flat(self.first_nodes(x[self.holds(x)]))] = True
-        for axis in range(3):  # mark what lies up to so many nodes further along an axis, too
-            along = np.moveaxis(mark, axis, 0)
-            wide, size = np.zeros_like(along), len(along)
-            for shift in range(-drift, 3 + drift):
-                ahead, back = max(shift, 0), max(-shift, 0)
-                wide[ahead : size - back] |= along[back : size - ahead]
-            mark = np.moveaxis(wide, 0, axis)
-        return np.flatnonzero(mark)
+    def around(
+        self, bounds: Float[np.ndarray, "2 3"], kept: Int[np.ndarray, "nodes"]
+    ) -> BackgroundGrid | None:
+        """Grid of the same places of nodes, elsewhere, where a box [m] comes near to the border.
+
+        The nodes ``kept`` stay in it. None where this one does, or the other would not fit.
+        """
+        low, high = self.first_nodes(bounds)
+        high = high + 2
+        if (low >= 1).all() and (high < np.array(self.shape) - 1).all():
+            return None
+        still = np.stack(np.unravel_index(kept, self.shape), axis=1)
+        low = np.minimum(low - SLACK, still.min(axis=0, initial=np.iinfo(np.int64).max))
+        high = np.maximum(high + SLACK, still.max(axis=0, initial=np.iinfo(np.int64).min))
+        shape = high - low + 1
+        if np.prod(shape.astype(float)) > MOST_NODES:
+            return None
+        return BackgroundGrid(self.origin + self.spacing * low, self.spacing, tuple(shape.tolist()))
 
 
 def grid_around(

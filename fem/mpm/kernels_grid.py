@@ -8,9 +8,10 @@ from typing import Any
 import warp as wp
 
 from ..laws.kernels_tensor import volume_change
+from ..laws.neo_hookean import energy_and_stress
 from .boundaries import Touch
-from .kernels_transfer import OPTIONS, transfer_functions, types_of
-from .materials import Form, MaterialClass
+from .kernels_transfer import APART, LOST, OPTIONS, stretch_functions, transfer_functions, types_of
+from .materials import GAMMA, Form, MaterialClass
 
 # Fraction of stationary mass from which a node is fixed: on average, over all places of a face
 # between two nodes, it is then clamped 0.16 spacings inside the moving body, where bars get their
@@ -22,29 +23,41 @@ FIXED_FRACTION = 0.1
 def grid_kernels(real: Any) -> SimpleNamespace:
     """Kernels on nodes, in ``real`` numbers.
 
-    ``clear`` (nodes, grid); ``advance`` (nodes, grid, second, gravity, clock) makes velocities of
-    momenta, ``second`` the grid of another thread or one of no nodes; ``wall`` (nodes, normals,
-    velocities, mode, friction, touching, slot, grid, impulse, kick) corrects them; ``hold`` (nodes,
-    still, slot, grid, impulse) stops nodes with a fraction of stationary mass.
+    ``clear`` (nodes, count, grid); ``advance`` (nodes, count, grid, second, gravity, clock) makes
+    velocities of momenta, ``second`` the grid of another thread or one of no nodes; ``wall``
+    (nodes, normals, velocities, mode, friction, touching, slot, grid, impulse, kick) corrects them;
+    ``hold`` (nodes, still, slot, grid, impulse) stops nodes with a fraction of stationary mass.
+    Of nodes with a ``count`` the first so many are meant.
     """
     vec3, vec4 = types_of(real).vec3, types_of(real).vec4
     most = wp.constant(real(FIXED_FRACTION / (1 - FIXED_FRACTION)))
 
     @wp.kernel(module=f"mpm_grid_{real.__name__}", enable_backward=False)
-    def clear(first: int, nodes: wp.array(dtype=int), grid: wp.array(dtype=vec4)):
-        grid[nodes[first + wp.tid()]] = vec4()
+    def clear(
+        first: int,
+        nodes: wp.array(dtype=int),
+        count: wp.array(dtype=int),
+        grid: wp.array(dtype=vec4),
+    ):
+        i = first + wp.tid()
+        if i < count[0]:
+            grid[nodes[i]] = vec4()
 
     @wp.kernel(module=f"mpm_grid_{real.__name__}", enable_backward=False)
     def advance(
         first: int,
         nodes: wp.array(dtype=int),
+        count: wp.array(dtype=int),
         grid: wp.array(dtype=vec4),
         second: wp.array(dtype=vec4),
         gravity: vec3,
         clock: wp.array(dtype=real),
     ):
         """Gravity first, then the damping: the other way round a damped body sags too far."""
-        node = nodes[first + wp.tid()]
+        i = first + wp.tid()
+        if i >= count[0]:
+            return
+        node = nodes[i]
         q = grid[node]
         if second.shape[0] > 0:
             q = q + second[node]
@@ -88,6 +101,8 @@ def grid_kernels(real: Any) -> SimpleNamespace:
                 speed = wp.length(u)
                 if speed > real(0.0):
                     u = wp.max(real(0.0), real(1.0) + friction * into / speed) * u
+            else:  # what goes away approaches nothing
+                approach = real(0.0)
             v = velocities[i] + u
             grid[nodes[i]] = vec4(v[0], v[1], v[2], q[3])
             change = v - before
@@ -242,67 +257,373 @@ def rigid_kernels(real: Any) -> SimpleNamespace:
     return SimpleNamespace(gather=sum_momenta, settle=settle, carry=carry, Bodies=Bodies)
 
 
-# Entries of the survey.
-SPEED, MOVED, SPREAD, WAVE, OUTSIDE, NOT_FINITE, INVERTED, COUNT = range(8)
+@cache
+def fly_kernel(real: Any) -> Any:
+    """Particles that fly by themselves: they fall freely, and land on walls as balls do.
+
+    (first, rows, cloud, gravity, clock, normals, heights, velocities, modes, frictions, impulse):
+    ``rows`` (m,) of them; of walls (w,) the planes that touch them nearest to each, (w, m). What
+    comes upon a wall keeps the speed that takes it there, and is braked as Coulomb's law says by
+    what was taken; C and F stay, and with them the angular momentum.
+    """
+    types = types_of(real)
+    Cloud, vec3 = types.Cloud, types.vec3
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def fly(
+        first: int,
+        rows: wp.array(dtype=int),
+        cloud: Cloud,
+        gravity: vec3,
+        clock: wp.array(dtype=real),
+        normals: wp.array2d(dtype=vec3),
+        heights: wp.array2d(dtype=real),
+        velocities: wp.array(dtype=vec3),
+        modes: wp.array(dtype=int),
+        frictions: wp.array(dtype=real),
+        impulse: wp.array(dtype=vec3),
+    ):
+        i = first + wp.tid()
+        p = rows[i]
+        dt = clock[0]
+        x = cloud.x[p]
+        v = clock[1] * (cloud.v[p] + dt * gravity)
+        for w in range(modes.shape[0]):
+            n = normals[w, i]
+            gap = wp.max(wp.dot(n, x) - heights[w, i], real(0.0))
+            u = v - velocities[w]
+            into = wp.dot(u, n)
+            if gap + dt * into < real(0.0) or (
+                gap == real(0.0) and modes[w] != wp.static(int(Touch.SEPARATE))
+            ):
+                slide = u - into * n
+                speed = wp.length(slide)
+                if modes[w] == wp.static(int(Touch.STICKY)):
+                    u = vec3()
+                elif modes[w] == wp.static(int(Touch.SLIP)):
+                    u = slide
+                else:
+                    u = -gap / dt * n
+                    if speed > real(0.0):
+                        taken = frictions[w] * (-gap / dt - into)
+                        u = u + wp.max(real(0.0), real(1.0) - taken / speed) * slide
+                wp.atomic_add(impulse, w, cloud.m[p] * (velocities[w] + u - v))
+                v = velocities[w] + u
+        cloud.v[p] = v
+        cloud.x[p] = x + dt * v
+
+    return fly
+
+
+@cache
+def order_kernels(real: Any) -> SimpleNamespace:
+    """Kernels that sort particles by cells, and list the nodes that they reach.
+
+    ``key`` (first, span, cloud, frame, keys, rows) numbers cells span by span; ``reorder`` (rows,
+    old, old order, cloud, order) takes particles from there; ``occupy`` (cloud, frame, stamp,
+    cells) and ``part`` (cloud, frame, drift, stamp, cells, count) find those that fly by
+    themselves, ``reach`` (places, alone, frame, drift, stamp, marks, nodes, count) lists the nodes
+    of the others; ``tell`` (first, carries, cloud, order, x, F) writes a state down. What another
+    ``stamp`` marked is not marked.
+    """
+    types = types_of(real)
+    Cloud, Frame, vec3 = types.Cloud, types.Frame, types.vec3
+    place, inside, _, _ = transfer_functions(real)
+
+    @wp.func
+    def first_node(frame: Frame, g: vec3):
+        """Lowest of the 27 nodes around a place; the nearest that there is outside."""
+        i = wp.clamp(int(wp.floor(g[0])), 0, frame.nx - 3)
+        j = wp.clamp(int(wp.floor(g[1])), 0, frame.ny - 3)
+        k = wp.clamp(int(wp.floor(g[2])), 0, frame.nz - 3)
+        return wp.vec3i(i, j, k)
+
+    @wp.kernel(module=f"mpm_grid_{real.__name__}", enable_backward=False)
+    def key(
+        first: int,
+        span: int,
+        cloud: Cloud,
+        frame: Frame,
+        keys: wp.array(dtype=int),
+        rows: wp.array(dtype=int),
+    ):
+        p = first + wp.tid()
+        n = first_node(frame, place(frame, cloud.x[p]))
+        keys[p] = ((span * frame.nx + n[0]) * frame.ny + n[1]) * frame.nz + n[2]
+        rows[p] = p
+
+    @wp.kernel(module=f"mpm_grid_{real.__name__}", enable_backward=False)
+    def reorder(
+        rows: wp.array(dtype=int),
+        old: Cloud,
+        old_order: wp.array(dtype=int),
+        cloud: Cloud,
+        order: wp.array(dtype=int),
+    ):
+        p = wp.tid()
+        s = rows[p]
+        order[p] = old_order[s]
+        cloud.x[p] = old.x[s]
+        cloud.rest[p] = old.rest[s]
+        cloud.v[p] = old.v[s]
+        cloud.C[p] = old.C[s]
+        cloud.H[p] = old.H[s]
+        cloud.total[p] = old.total[s]
+        cloud.m[p] = old.m[s]
+        cloud.volume[p] = old.volume[s]
+        cloud.mu[p] = old.mu[s]
+        cloud.lam[p] = old.lam[s]
+        cloud.k[p] = old.k[s]
+        cloud.q[p] = old.q[s]
+        cloud.body[p] = old.body[s]
+        cloud.alone[p] = old.alone[s]
+        if cloud.push.shape[0] > 0:
+            cloud.push[p] = old.push[s]
+
+    @wp.kernel(module=f"mpm_grid_{real.__name__}", enable_backward=False)
+    def occupy(cloud: Cloud, frame: Frame, stamp: int, cells: wp.array(dtype=int)):
+        """A cell of one particle has twice the stamp, one of more has that and one."""
+        p = wp.tid()
+        g = place(frame, cloud.x[p])
+        if inside(frame, g):
+            n = first_node(frame, g)
+            at = (n[0] * frame.ny + n[1]) * frame.nz + n[2]
+            if wp.atomic_max(cells, at, 2 * stamp) >= 2 * stamp:
+                wp.atomic_max(cells, at, 2 * stamp + 1)
+
+    @wp.kernel(module=f"mpm_grid_{real.__name__}", enable_backward=False)
+    def part(
+        cloud: Cloud,
+        frame: Frame,
+        drift: int,
+        stamp: int,
+        cells: wp.array(dtype=int),
+        count: wp.array(dtype=int),
+    ):
+        """Whether particles share no node with others, however both ``drift`` until asked again."""
+        p = wp.tid()
+        g = place(frame, cloud.x[p])
+        if cloud.body[p] >= 0:
+            return
+        if not inside(frame, g):
+            if cloud.alone[p] == 0:
+                cloud.alone[p] = LOST
+            wp.atomic_add(count, 1, 1)
+            return
+        n = first_node(frame, g)
+        at = (n[0] * frame.ny + n[1]) * frame.nz + n[2]
+        cloud.alone[p] = 0
+        if cells[at] > 2 * stamp:
+            return
+        far = 2 + 2 * drift
+        for i in range(wp.max(n[0] - far, 0), wp.min(n[0] + far + 1, frame.nx)):
+            for j in range(wp.max(n[1] - far, 0), wp.min(n[1] + far + 1, frame.ny)):
+                for k in range(wp.max(n[2] - far, 0), wp.min(n[2] + far + 1, frame.nz)):
+                    other = (i * frame.ny + j) * frame.nz + k
+                    if other != at and cells[other] >= 2 * stamp:
+                        return
+        cloud.alone[p] = APART
+        wp.atomic_add(count, 1, 1)
+
+    @wp.kernel(module=f"mpm_grid_{real.__name__}", enable_backward=False)
+    def reach(
+        x: wp.array(dtype=vec3),
+        alone: wp.array(dtype=int),
+        frame: Frame,
+        drift: int,
+        stamp: int,
+        marks: wp.array(dtype=int),
+        nodes: wp.array(dtype=int),
+        count: wp.array(dtype=int),
+    ):
+        """One of the particles of a cell that follow each other does it for all."""
+        p = wp.tid()
+        g = place(frame, x[p])
+        if alone[p] != 0 or not inside(frame, g):
+            return
+        n = first_node(frame, g)
+        if p > 0:
+            before = place(frame, x[p - 1])
+            if inside(frame, before):
+                if first_node(frame, before) == n:
+                    return
+        for i in range(wp.max(n[0] - drift, 0), wp.min(n[0] + 3 + drift, frame.nx)):
+            for j in range(wp.max(n[1] - drift, 0), wp.min(n[1] + 3 + drift, frame.ny)):
+                for k in range(wp.max(n[2] - drift, 0), wp.min(n[2] + 3 + drift, frame.nz)):
+                    node = (i * frame.ny + j) * frame.nz + k
+                    if wp.atomic_max(marks, node, stamp) < stamp:
+                        row = wp.atomic_add(count, 0, 1)
+                        if row < nodes.shape[0]:
+                            nodes[row] = node
+
+    @wp.kernel(module=f"mpm_grid_{real.__name__}", enable_backward=False)
+    def tell(
+        first: int,
+        carries: bool,
+        cloud: Cloud,
+        order: wp.array(dtype=int),
+        x: wp.array(dtype=wp.vec3),
+        F: wp.array(dtype=wp.mat33),
+    ):
+        """Places and total gradients in the order of the particles, in single precision."""
+        p = first + wp.tid()
+        H = cloud.H[p]
+        if carries:
+            H = cloud.total[p]
+        x[order[p]] = wp.vec3(cloud.x[p])
+        F[order[p]] = wp.mat33(wp.identity(n=3, dtype=real) + H)
+
+    kernels = {"occupy": occupy, "part": part, "reach": reach}
+    return SimpleNamespace(key=key, reorder=reorder, tell=tell, **kernels)
+
+
+# Entries of the survey: maxima, those of the places and of their opposites, and counts.
+SPEED, MOVED, SPREAD, WAVE, HIGH, _, _, LOW, _, _, OUTSIDE, NOT_FINITE, INVERTED, COUNT = range(14)
+# What maxima of places start from [m].
+LEAST = -1e30
+# Threads of the survey: each looks at many particles, for maxima of all meet in one number.
+LOOKERS = 16384
 
 
 @cache
 def survey_kernel(kind: MaterialClass, real: Any, form: Form = Form.PLAIN) -> Any:
-    """(first, cloud, frame, listed, survey) for a class: maxima, and counts of the last entries.
+    """(first, count, stride, cloud, frame, listed, survey) for a class: maxima, and counts.
 
-    ``listed`` are the places for which nodes were listed; moves are in spacings. What tore has lost
-    the stiffness of its stretch, however far its crack is open.
+    Each of ``stride`` threads looks at every so manieth particle. ``listed`` are the places for
+    which nodes were listed; moves are in spacings. What tore has lost the stiffness of its stretch,
+    however far its crack is open; what flies by itself has none, and goes beyond the bounds.
     """
     types = types_of(real)
     place, inside, _, _ = transfer_functions(real)
     vec3, Cloud, Frame = types.vec3, types.Cloud, types.Frame
     fluid, snow = kind == MaterialClass.FLUID, kind == MaterialClass.SNOW
     tears, rigid = form == Form.TEARING, kind == MaterialClass.STATIONARY
+    least = wp.constant(real(LEAST))
 
     @wp.kernel(module="unique", enable_backward=False)
     def look(
         first: int,
+        count: int,
+        stride: int,
         cloud: Cloud,
         frame: Frame,
         listed: wp.array(dtype=vec3),
         survey: wp.array(dtype=real),
     ):
-        p = first + wp.tid()
-        x = cloud.x[p]
-        v = cloud.v[p]
-        C = cloud.C[p]
-        H = cloud.H[p]
-        if not wp.isfinite(wp.dot(x, x) + wp.dot(v, v) + wp.ddot(C, C) + wp.ddot(H, H)):
-            wp.atomic_add(survey, wp.static(NOT_FINITE), real(1.0))
-        else:
-            if not inside(frame, place(frame, x)):
-                wp.atomic_add(survey, wp.static(OUTSIDE), real(1.0))
-            away = (x - listed[p]) / frame.spacing
-            most = wp.max(wp.abs(away[0]), wp.max(wp.abs(away[1]), wp.abs(away[2])))
-            wp.atomic_max(survey, wp.static(SPEED), wp.length(v))
-            wp.atomic_max(survey, wp.static(MOVED), most)
-            wp.atomic_max(survey, wp.static(SPREAD), wp.sqrt(wp.ddot(C, C)))
-            J = real(1.0) + volume_change(H)
-            if J <= real(0.0):
-                wp.atomic_add(survey, wp.static(INVERTED), real(1.0))
-            density = cloud.m[p] / cloud.volume[p]
-            stiff = cloud.lam[p] + real(2.0) * cloud.mu[p]
-            if wp.static(fluid):
-                stiff = cloud.k[p][0] * wp.pow(wp.max(J, real(0.1)), -cloud.k[p][1])
+        speed = real(0.0)
+        moved = real(0.0)
+        spread = real(0.0)
+        wave = real(0.0)
+        high = vec3(least)
+        low = vec3(least)
+        for p in range(first + wp.tid(), first + count, stride):
+            x = cloud.x[p]
+            v = cloud.v[p]
+            C = cloud.C[p]
+            H = cloud.H[p]
+            if not wp.isfinite(wp.dot(x, x) + wp.dot(v, v) + wp.ddot(C, C) + wp.ddot(H, H)):
+                wp.atomic_add(survey, wp.static(NOT_FINITE), real(1.0))
             else:
-                X = H + wp.transpose(H) + H * wp.transpose(H)
-                stretch = wp.sqrt(wp.ddot(X, X))
-                if wp.static(tears):
-                    q = cloud.q[p]
-                    if q > real(1.0):
-                        keep = wp.exp(-cloud.k[p][1] * (q - real(1.0))) / q
-                        stretch = wp.min(stretch, real(1.0) + keep * stretch)
-                stiff = stiff * (real(1.0) + stretch)
-            if wp.static(snow):
-                hard = cloud.k[p][2] * (real(1.0) - cloud.q[p])
-                stiff = stiff * wp.exp(wp.clamp(hard, real(0.0), real(5.0)))
-            if wp.static(rigid):
-                stiff = real(0.0)
-            wp.atomic_max(survey, wp.static(WAVE), wp.sqrt(stiff / density))
+                alone = cloud.alone[p]
+                if alone != APART and not inside(frame, place(frame, x)):
+                    wp.atomic_add(survey, wp.static(OUTSIDE), real(1.0))
+                away = (x - listed[p]) / frame.spacing
+                most = wp.max(wp.abs(away[0]), wp.max(wp.abs(away[1]), wp.abs(away[2])))
+                speed = wp.max(speed, wp.length(v))
+                moved = wp.max(moved, most)
+                J = real(1.0) + volume_change(H)
+                if J <= real(0.0):
+                    wp.atomic_add(survey, wp.static(INVERTED), real(1.0))
+                density = cloud.m[p] / cloud.volume[p]
+                stiff = cloud.lam[p] + real(2.0) * cloud.mu[p]
+                if wp.static(fluid):
+                    stiff = cloud.k[p][0] * wp.pow(wp.max(J, real(0.1)), -cloud.k[p][1])
+                else:
+                    X = H + wp.transpose(H) + H * wp.transpose(H)
+                    stretch = wp.sqrt(wp.ddot(X, X))
+                    if wp.static(tears):
+                        q = cloud.q[p]
+                        if q > real(1.0):
+                            keep = wp.exp(-cloud.k[p][1] * (q - real(1.0))) / q
+                            stretch = wp.min(stretch, real(1.0) + keep * stretch)
+                    stiff = stiff * (real(1.0) + stretch)
+                if wp.static(snow):
+                    hard = cloud.k[p][2] * (real(1.0) - cloud.q[p])
+                    stiff = stiff * wp.exp(wp.clamp(hard, real(0.0), real(5.0)))
+                if wp.static(rigid):
+                    stiff = real(0.0)
+                if alone == 0:
+                    spread = wp.max(spread, wp.sqrt(wp.ddot(C, C)))
+                    high = wp.max(high, x)
+                    low = wp.max(low, -x)
+                    wave = wp.max(wave, wp.sqrt(stiff / density))
+        wp.atomic_max(survey, wp.static(SPEED), speed)
+        wp.atomic_max(survey, wp.static(MOVED), moved)
+        wp.atomic_max(survey, wp.static(SPREAD), spread)
+        wp.atomic_max(survey, wp.static(WAVE), wave)
+        for k in range(3):
+            wp.atomic_max(survey, wp.static(HIGH) + k, high[k])
+            wp.atomic_max(survey, wp.static(LOW) + k, low[k])
 
     return look
+
+
+@cache
+def energy_kernel(kind: MaterialClass, real: Any, form: Form = Form.PLAIN) -> Any:
+    """(first, count, stride, cloud, total) for a class: add elastic energies [J], in double.
+
+    Torn particles are left out: theirs is not known. So are damage of jelly and hardening of snow.
+    """
+    Cloud, eigen = types_of(real).Cloud, stretch_functions(wp.float64)[0]
+    tears, gamma = form == Form.TEARING, wp.constant(wp.float64(GAMMA))
+    corotated = form == Form.COROTATED or kind == MaterialClass.SNOW
+    one, half = wp.constant(wp.float64(1.0)), wp.constant(wp.float64(0.5))
+
+    @wp.func
+    def neo_hookean(H: wp.mat33d, lam: wp.float64, mu: wp.float64, bulk: wp.float64):
+        energy, _stress = energy_and_stress(H, lam, mu)
+        return energy
+
+    @wp.func
+    def fluid(H: wp.mat33d, lam: wp.float64, mu: wp.float64, bulk: wp.float64):
+        J = one + volume_change(H)
+        gained = wp.pow(J, one - gamma) / (gamma - one) + J - gamma / (gamma - one)
+        return bulk / gamma * gained
+
+    @wp.func
+    def by_stretches(H: wp.mat33d, lam: wp.float64, mu: wp.float64, bulk: wp.float64):
+        """Of logarithmic strains; of stretches less one, and the volume's change, if corotated."""
+        _axes, d = eigen(H + wp.transpose(H) + H * wp.transpose(H))
+        e = wp.vec3d()
+        for i in range(3):
+            square = wp.max(one + d[i], wp.float64(1e-300))
+            if wp.static(corotated):
+                e[i] = wp.sqrt(square) - one
+            else:
+                e[i] = half * wp.log(square)
+        grow = e[0] + e[1] + e[2]
+        if wp.static(corotated):
+            grow = volume_change(H)
+        return mu * wp.dot(e, e) + half * lam * grow * grow
+
+    density = by_stretches
+    if form in (Form.PLAIN, Form.TEARING) and kind == MaterialClass.JELLY:
+        density = neo_hookean
+    elif kind == MaterialClass.FLUID:
+        density = fluid
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def add(first: int, count: int, stride: int, cloud: Cloud, total: wp.array(dtype=wp.float64)):
+        sum = wp.float64(0.0)
+        for p in range(first + wp.tid(), first + count, stride):
+            torn = bool(False)  # noqa: UP018 (a plain False is a constant to warp)
+            if wp.static(tears):
+                torn = cloud.q[p] > real(1.0)
+            if not torn:
+                lam = wp.float64(cloud.lam[p])
+                mu = wp.float64(cloud.mu[p])
+                W = density(wp.mat33d(cloud.H[p]), lam, mu, wp.float64(cloud.k[p][0]))
+                sum += wp.float64(cloud.volume[p]) * W
+        wp.atomic_add(total, 0, sum)
+
+    return add

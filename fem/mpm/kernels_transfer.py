@@ -20,6 +20,8 @@ OPTIONS = {"max_unroll": 27}
 # A crack whose stress is GONE to this fraction and that is open by more than the reach of two
 # splines closes on its own faces no more: what is stretched further is as if stretched by this.
 GONE, OPEN = 1e-9, 4.0
+# What flies by itself: it shares no node with another, or it left the grid and meets none.
+APART, LOST = 1, 2
 
 
 class Types(NamedTuple):
@@ -42,7 +44,10 @@ def types_of(real: Any) -> Types:
 
     @wp.struct
     class Cloud:
-        """Particles: place, velocity, C, H = F - I, mass, volume, Lame, numbers of the class."""
+        """Particles: place, velocity, C, H = F - I, mass, volume, Lame, numbers of the class.
+
+        ``alone`` is ``APART`` or ``LOST`` of what flies by itself, else 0.
+        """
 
         x: wp.array(dtype=vec3)
         rest: wp.array(dtype=vec3)
@@ -57,6 +62,7 @@ def types_of(real: Any) -> Types:
         k: wp.array(dtype=vec3)
         q: wp.array(dtype=real)
         body: wp.array(dtype=int)
+        alone: wp.array(dtype=int)
         push: wp.array(dtype=vec3)
 
     @wp.struct
@@ -523,7 +529,7 @@ def scatter_kernel(kind: MaterialClass, real: Any, *, lagrangian: bool, form: Fo
         if wp.static(lagrangian):
             at = cloud.rest[p]
         g = place(frame, at)
-        if inside(frame, g):
+        if cloud.alone[p] == 0 and inside(frame, g):
             dt = clock[0]
             C = cloud.C[p]
             H, tau, q = law(cloud.H[p], C, cloud.mu[p], cloud.lam[p], cloud.k[p], cloud.q[p], dt)
@@ -565,7 +571,7 @@ def move_kernel(real: Any, *, lagrangian: bool, carries: bool) -> Any:
         if wp.static(lagrangian):
             at = cloud.rest[p]
         g = place(frame, at)
-        if inside(frame, g):
+        if cloud.alone[p] == 0 and inside(frame, g):
             dt = clock[0]
             u, C = gather(frame, g, grid)
             v = vec3(u[0], u[1], u[2])

@@ -15,7 +15,7 @@ from ..scene.scene import Scene
 from ..solve.method import FrameProgress
 from ..solve.result import Breakage, Motion, MotionResult, ParticleRun
 from ..validation import checked_count, checked_number, checked_positive
-from .boundaries import Wall, scene_room, support_boundaries
+from .boundaries import CLEAR, Wall, flight_time, scene_room, support_boundaries
 from .materials import MaterialClass, Substance
 from .particles import (
     TORN,
@@ -30,12 +30,10 @@ from .particles import (
 )
 from .rigid import Stiff, Treatment, near_fixed, treated
 from .solver import MpmSolver
-from .time_step import BUDGET, COURANT, MpmError, largest_modulus, stable_step
+from .time_step import BUDGET, COST, COURANT, OVERHEAD, MpmError, largest_modulus, stable_step
 
-# CPU time [s] of a particle and substep, by class, and of a substep without any, on one core
-# (`benchmarks/mpm.py`).
+# CPU time [s] of a particle and substep, by class, where it is not ``COST``.
 COSTS = {MaterialClass.SNOW: 2.5e-7, MaterialClass.JELLY: 1.5e-7}
-COST, OVERHEAD = 2.2e-7, 6e-5
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -129,9 +127,13 @@ class MpmMethod:
             self.announce(run.plan)
         motions = [run.motion(0.0)]
         for frame in range(1, frames + 1):
-            if run.solver is not None and not run.solver.advance(dt):
-                assert run.solver.failure is not None
-                raise MpmError(run.solver.failure.scaled(scale**2), run.plan, run.notes)
+            if run.solver is not None:
+                free = min(dt, run.flight - run.solver.time)
+                if free > 0:
+                    run.solver.coast(free)
+                if free < dt and not run.solver.advance(dt - max(free, 0.0)):
+                    assert run.solver.failure is not None
+                    raise MpmError(run.solver.failure.scaled(scale**2), run.plan, run.notes)
             motions.append(run.motion(frame * dt))
             if progress is not None:
                 progress(frame, frames)
@@ -233,10 +235,17 @@ class _Run:
                 threads=method.threads,
                 courant=method.courant,
                 step=method.step,
+                follows=True,
             )
             if force.any():
                 self.solver.push(force / particles.mass[:, None])
 
+        self.flight = 0.0  # [s] for which the body falls as one
+        alone = not (held.fixed.any() or force.any() or method.damping or self.solver is None)
+        if alone and not treatment.rigid and not np.ptp(particles.velocity, axis=0).any():
+            met = (*scene.obstacles, *([scene.ground] if scene.ground else []))
+            start = particles.velocity[0], gravity, scene.duration
+            self.flight = flight_time(particles.x, met, *start, room=CLEAR * spacing)
         labels = np.zeros(len(mesh.points), dtype=np.int64)
         labels[mesh.tets.ravel()] = np.repeat(mesh.region, 4)
         self.followers = Followers.of(mesh.points, particles.x, labels=labels, parts=particles.part)
@@ -252,7 +261,7 @@ class _Run:
                 pull=self.solver.substep.pull, courant=method.courant,
             )  # fmt: skip
         steps = max(scene.duration / dt, 1.0)
-        each = np.array([COSTS.get(MaterialClass(int(k)), COST) for k in particles.kinds])
+        each = np.array([COSTS.get(kind, COST) for kind in MaterialClass])[particles.kinds]
         self.plan = Note(
             "method.particles_grid",
             count=len(particles.x),
@@ -278,9 +287,7 @@ class _Run:
         self.time = state.time
         self.positions.append(state.x.astype(np.float32))
         self.gradients.append(state.F.astype(np.float32))
-        # A total Lagrangian cloud keeps the nodes of its rest, wherever it moves to.
-        stays = self.solver is None or self.solver.lagrangian
-        self.left.append(~self.room.holds(state.x) & (not stays))
+        self.left.append(np.zeros(len(state.x), dtype=bool) if solver is None else solver.lost)
         gaps = [
             o.distance(state.x - state.time * np.asarray(o.velocity, dtype=float)).gap.min()
             for o in obstacles
@@ -318,13 +325,14 @@ class _Run:
                     spends = max(spends, float(band.spends.max()))
         judged, lost = float(volume[able].sum()), float(volume[torn].sum())
         place = volume[torn] @ x[torn] / lost if lost else np.full(3, np.nan)
+        before = pieces_of(x, volume, spacing)
         return Breakage(
             judged=judged / float(volume.sum()),
             fraction=lost / judged if judged else 0.0,
             parts=tuple(particles.parts[i] for i in np.unique(particles.part[torn])),
             place=(float(place[0]), float(place[1]), float(place[2])),
-            pieces=pieces_of(x[~torn], volume[~torn], spacing),
-            pieces_before=pieces_of(x, volume, spacing),
+            pieces=pieces_of(x[~torn], volume[~torn], spacing) if lost else before,
+            pieces_before=before,
             crack_energy=spends,
         )
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, replace
+from functools import cached_property
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -264,12 +265,9 @@ def without_cracks(
     """Deformation gradients of the matter beside its cracks, whose opening is no stretch of it.
 
     Of a stretch stays what damage ``q`` (largest sigma_1 / f_t) left of its stress; what is pressed
-    together stays so. Of crumbs whose F has overflowed, for nothing holds it, none is known: one.
+    together stays so.
     """
     torn = q > 1
-    crumbs = torn & ~np.isfinite(F).all(axis=(1, 2))
-    if crumbs.any():
-        F = np.where(crumbs[:, None, None], np.eye(3), F)
     keep = stress_left(q[torn], softening[torn])
     left, s, right = np.linalg.svd(F[torn])
     s = np.where(s > 1, 1 + keep[:, None] * (s - 1), s)
@@ -401,13 +399,14 @@ def _grid_places(
 class Followers:
     """Points that follow the particles around them: x' = sum w (x_j + F_j (X - X_j)).
 
-    ``near`` are the particles j of every point, nearest first, ``weights`` w of sum one at rest,
-    ``arms`` X - X_j [m]. Across a crack a point follows its own side only.
+    ``near`` are the particles j of every point, nearest first, ``weights`` w of sum one at rest;
+    ``points`` X and all particles' ``rest`` X_j [m]. Across a crack a point follows its own side.
     """
 
     near: Int[np.ndarray, "n k"]
     weights: Float[np.ndarray, "n k"]
-    arms: Float[np.ndarray, "n k 3"]
+    points: Float[np.ndarray, "n 3"]
+    rest: Float[np.ndarray, "particles 3"]
 
     @classmethod
     def of(
@@ -436,27 +435,48 @@ class Followers:
         smallest = np.maximum(away[:, :1], 1e-3 * np.median(away[:, 0]) + 1e-300)
         weights = 1 / (away / smallest + 1e-9) ** 2
         weights /= weights.sum(axis=1, keepdims=True)
-        return cls(near, weights, points[:, None] - rest[near])
+        return cls(near, weights, np.asarray(points, dtype=np.float64), rest)
+
+    def only(self, rows: Any) -> Followers:
+        """Some of the points."""
+        return Followers(self.near[rows], self.weights[rows], self.points[rows], self.rest)
+
+    def mixing(self, weights: Float[np.ndarray, "n k"]) -> Any:
+        """Sparse matrix (n, particles) that takes means over ``near`` by ``weights``."""
+        from scipy.sparse import csr_matrix
+
+        ends = np.arange(0, weights.size + 1, weights.shape[1])
+        shape = (len(weights), len(self.rest))
+        return csr_matrix((weights.ravel(), self.near.ravel(), ends), shape=shape)
 
     def positions(
         self, state: ParticleState, weights: Float[np.ndarray, "n k"] | None = None
     ) -> Float[np.ndarray, "n 3"]:
         """Positions [m] of the points, by ``weights`` that are known already, else by their own."""
-        moved = state.x[self.near] + np.einsum("nkij,nkj->nki", state.F[self.near], self.arms)
-        weights = self.weights_in(state) if weights is None else weights
-        return np.einsum("nk,nki->ni", weights, moved)
+        mean = self.mixing(self.weights_in(state) if weights is None else weights)
+        shift = state.x - (state.F @ self.rest[:, :, None])[..., 0]
+        F = (mean @ state.F.reshape(-1, 9)).reshape(-1, 3, 3)
+        return mean @ shift + (F @ self.points[:, :, None])[..., 0]
+
+    @cached_property
+    def _pairs(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Pairs of a nearest particle and another of a point, and the pair of each (n, k)."""
+        first = np.broadcast_to(self.near[:, :1], self.near.shape)
+        keys, of = np.unique(first * len(self.rest) + self.near, return_inverse=True)
+        return *np.divmod(keys, len(self.rest)), of.reshape(self.near.shape)
 
     def weights_in(self, state: ParticleState) -> Float[np.ndarray, "n k"]:
         """Weights that fade as a particle comes off the nearest one by as much as it was away.
 
         What comes off is what the mean of both gradients does not tell: the opening of a crack.
         """
-        first, across = self.near[:, :1], self.arms[:, :1] - self.arms
-        F = (state.F[first] + state.F[self.near]) / 2
-        off = state.x[self.near] - state.x[first] - np.einsum("nkij,nkj->nki", F, across)
-        away = np.linalg.norm(across, axis=2)
-        opening = np.linalg.norm(off, axis=2) / np.where(away > 0, away, 1.0)
-        weights = self.weights * np.clip(1 - opening, 0.0, 1.0)
+        first, near, of = self._pairs
+        across = self.rest[near] - self.rest[first]
+        F = (state.F[first] + state.F[near]) / 2
+        off = state.x[near] - state.x[first] - (F @ across[:, :, None])[..., 0]
+        away = np.linalg.norm(across, axis=1)
+        opening = np.linalg.norm(off, axis=1) / np.where(away > 0, away, 1.0)
+        weights = self.weights * np.clip(1 - opening, 0.0, 1.0)[of]
         return weights / weights.sum(axis=1, keepdims=True)
 
 

@@ -11,37 +11,46 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from ..device import checked_device, start_warp
-from ..elements.elastic import energy_and_piola
 from ..errors import InputError
-from ..laws.law import Law
-from ..material import LameParameters, lame_parameters
+from ..material import lame_parameters
 from ..note import Note
-from .boundaries import BackgroundGrid, Wall
+from .boundaries import BackgroundGrid, FixedPlaces, Wall
 from .kernels_grid import (
     COUNT,
+    HIGH,
     INVERTED,
+    LEAST,
+    LOOKERS,
+    LOW,
     MOVED,
     NOT_FINITE,
     OUTSIDE,
     SPEED,
     SPREAD,
     WAVE,
+    energy_kernel,
+    fly_kernel,
     grid_kernels,
+    order_kernels,
     survey_kernel,
 )
-from .kernels_transfer import move_kernel, push_kernel, scatter_kernel, types_of
-from .materials import GAMMA, Form, MaterialClass
+from .kernels_transfer import APART, move_kernel, push_kernel, scatter_kernel, types_of
+from .materials import Form, MaterialClass
 from .particles import Particles, ParticleState, without_cracks
 from .rigid import BODIES_CHANGING, REST, RigidBodies
 from .time_step import COURANT, Failure, FailureKind, largest_modulus, stable_step
 
 # Substeps between two looks at the particles.
 CHUNK = 50
-# Particles may drift this far [spacings] between two listings of nodes: the lists reach one.
-DRIFT, RELIST = 0.9, 0.5
+# Lists of nodes serve particles that drift so far [spacings]: nodes cost a GPU little, and it has
+# no work while they are listed. Of that so much is left by a chunk, and before they are sorted.
+REACH, REACH_GPU = 1, 2
+DRIFT, RELIST = 0.1, 0.5
+# Launches serve lists of nodes that are shorter than theirs, down to the square of this fraction.
+SPARE = 0.75
 # Fraction of the particles that may turn inside out before it is called a failure.
 MOST_INVERTED = 0.01
 
@@ -58,6 +67,7 @@ class MpmSolver:
     device, threads: 'cpu' (float64) with one or two threads, or 'cuda' (float32).
     courant: Fraction of a spacing that the fastest wave crosses in a step.
     step: Step [s] wanted instead of the longest stable one; one that is too long is a failure.
+    follows: Whether the grid goes where the particles go.
     """
 
     def __init__(
@@ -73,16 +83,17 @@ class MpmSolver:
         threads: int = 1,
         courant: float = COURANT,
         step: float | None = None,
+        follows: bool = False,
     ) -> None:
-        self._free = ~particles.held
-        if not self._free.any():
+        self.free = ~particles.held
+        if not self.free.any():
             raise InputError("solver.every_particle")
         self._particles = particles
         moving, fixed = particles, None
-        if not self._free.all():
-            moving, fixed = particles.only(self._free), particles.only(~self._free)
-        self.cloud = Cloud(moving, grid, checked_device(device))
-        self.grid, self.lagrangian = grid, lagrangian
+        if not self.free.all():
+            moving, fixed = particles.only(self.free), particles.only(~self.free)
+        self.cloud = Cloud(moving, grid, checked_device(device), walls)
+        self.lagrangian, self.follows = lagrangian, follows and not lagrangian
         self.damping, self.courant, self.step = damping, courant, step
         if lagrangian and any(
             span.kind != MaterialClass.JELLY or span.form == Form.TEARING
@@ -99,9 +110,14 @@ class MpmSolver:
         self.substep.list_nodes(self.time)
 
     @property
+    def grid(self) -> BackgroundGrid:
+        """The grid, where it is now."""
+        return self.cloud.grid
+
+    @property
     def state(self) -> ParticleState:
         """The particles now; the opening of cracks is no deformation of theirs."""
-        cloud, free, particles = self.cloud, self._free, self._particles
+        cloud, free, particles = self.cloud, self.free, self._particles
         H = cloud.read("H")
         for span in cloud.spans:
             if span.carries:
@@ -117,27 +133,46 @@ class MpmSolver:
         return ParticleState(self.time, x, v, F, q)
 
     @property
+    def lost(self) -> Bool[np.ndarray, "n"]:
+        """Particles that left the grid as parts of a body: from there on each is by itself."""
+        out = np.zeros(len(self.free), dtype=bool)
+        if not self.lagrangian:
+            away = ~self.grid.holds(self.cloud.read("x"))
+            out[self.free] = away & (self.cloud.read("alone") != APART)
+        return out
+
+    @property
     def elastic_energy(self) -> float:
         """Elastic energy [J] of the particles; torn ones are left out: theirs is not known."""
-        cloud, total = self.cloud, 0.0
-        H, k, q = cloud.read("H"), cloud.read("k"), cloud.read("q")
-        lam, mu = lame_parameters(cloud.particles.E, cloud.particles.nu)
+        wp, cloud = start_warp(), self.cloud
+        total = wp.zeros(1, dtype=wp.float64, device=cloud.device)
         for span in cloud.spans:
-            if span.rigid:
-                continue
-            rows = cloud.rows(span)
-            density = elastic_density(
-                span.kind, H[rows], lam[rows], mu[rows], k[rows, 0], form=span.form
-            )
-            if span.form == Form.TEARING:
-                density = np.where(q[rows] > 1, 0.0, density)
-            total += float(cloud.particles.volume[rows] @ density)
-        return total
+            if not span.rigid:
+                kernel = energy_kernel(span.kind, cloud.real, span.form)
+                threads = min(span.count, LOOKERS)
+                inputs = [*span[2:], threads, cloud.struct, total]
+                wp.launch(kernel, threads, inputs, device=cloud.device)
+        return float(total.numpy()[0])
 
     def push(self, acceleration: Float[np.ndarray, "n 3"]) -> None:
         """Accelerate the particles [m/s^2] by outer forces from now on."""
-        self.cloud.set_push(acceleration[self._free])
+        self.cloud.set_push(acceleration[self.free])
         self.substep.record(self.time)
+
+    def coast(self, duration: float) -> None:
+        """Move all particles as one for ``duration`` [s], freely: they rest in each other so far.
+
+        This is exact where nothing is touched, and takes no step.
+        """
+        cloud, substep, g = self.cloud, self.substep, self.substep.gravity
+        v = cloud.read("v")
+        cloud.write("x", cloud.read("x") + duration * v + duration**2 / 2 * g)
+        cloud.write("v", v + duration * g)
+        self.time += duration
+        if self.follows:
+            substep.follow(cloud.survey())
+        cloud.sort()
+        substep.list_nodes(self.time)
 
     def advance(self, duration: float, *, tell: Callable[[float], None] | None = None) -> bool:
         """Follow the particles for ``duration`` [s]; False where that failed: see ``failure``.
@@ -145,9 +180,8 @@ class MpmSolver:
         ``tell`` hears the time [s] after every chunk of substeps.
         """
         cloud, substep, spacing = self.cloud, self.substep, self.grid.spacing
-        end, short = self.time + duration, 1.0
+        end, short, survey = self.time + duration, 1.0, cloud.survey()
         while self.failure is None and self.time < end - 1e-12 * max(end, duration):
-            survey = cloud.survey()
             self.outside = int(survey[OUTSIDE])
             if survey[NOT_FINITE]:
                 self._fail("not finite", Note("solver.values_overflowed"))
@@ -172,35 +206,38 @@ class MpmSolver:
             count = max(1, int(np.ceil(left / longest * (1 - 1e-12))))
             dt = left / count
             if not self.lagrangian:  # no further than the listed nodes reach
-                if survey[MOVED] > RELIST:
+                if survey[MOVED] > cloud.drift - RELIST:
+                    if self.follows:
+                        substep.follow(survey)
                     cloud.sort()
                     substep.list_nodes(self.time)
                     survey[MOVED] = 0.0
-                room = DRIFT - survey[MOVED]
+                room = cloud.drift - DRIFT - survey[MOVED]
                 drift = stable_step(0.0, fastest, spacing, pull=pull, courant=room)
                 count = max(1, int(min(drift / dt, count)))
             steps = max(1, int(min(count, CHUNK) * short))
             substep.set_step(dt, self.damping)
             if substep.moving:
                 substep.record(self.time)
-            if self.lagrangian:
-                substep.run(steps)
-            else:
+            arrays = []
+            if not self.lagrangian:
                 arrays = [getattr(cloud.struct, name) for name in CHANGING]
                 if substep.rigid is not None:
                     arrays += [getattr(substep.rigid.struct, name) for name in BODIES_CHANGING]
-                before = [start_warp().clone(array) for array in arrays]
-                substep.run(steps)
-                after = cloud.survey()
-                if not after[MOVED] <= 1.0:  # nodes were missed: once more, in fewer steps
-                    for array, kept in zip(arrays, before, strict=True):
-                        start_warp().copy(array, kept)
-                    if steps == 1 and after[NOT_FINITE]:
-                        self._fail("not finite", Note("solver.values_overflowed"))
-                    elif steps == 1:
-                        self._fail("velocity", Note("solver.moved_cell"))
-                    short = short / 2
-                    continue
+            before = [start_warp().clone(array) for array in arrays]
+            substep.run(steps)
+            after = cloud.survey()
+            if arrays and not after[MOVED] <= cloud.drift:  # nodes missed: again, in fewer steps
+                for array, kept in zip(arrays, before, strict=True):
+                    start_warp().copy(array, kept)
+                substep.clear()
+                if steps == 1 and after[NOT_FINITE]:
+                    self._fail("not finite", Note("solver.values_overflowed"))
+                elif steps == 1:
+                    self._fail("velocity", Note("solver.moved_cell"))
+                short = short / 2
+                continue
+            survey = after
             self.time += steps * dt
             self.substeps += steps
             short = min(1.0, 2 * short)
@@ -234,34 +271,6 @@ class MpmSolver:
         )
 
 
-def elastic_density(
-    kind: MaterialClass,
-    H: Float[np.ndarray, "n 3 3"],
-    lam: Float[np.ndarray, "n"],
-    mu: Float[np.ndarray, "n"],
-    bulk: Float[np.ndarray, "n"],
-    *,
-    form: Form = Form.PLAIN,
-) -> Float[np.ndarray, "n"]:
-    """Elastic energy per volume at rest [J/m^3] of a class, of H = F - I of its elastic part.
-
-    ``bulk`` is K [Pa] of a fluid. Damage of jelly and hardening of snow are left out.
-    """
-    if kind == MaterialClass.STATIONARY:
-        return np.zeros(len(H))
-    if kind == MaterialClass.JELLY and form != Form.COROTATED:
-        return energy_and_piola(Law.NEO_HOOKEAN, H, LameParameters(lam, mu))[0]
-    F = H + np.eye(3)
-    J = np.linalg.det(F)
-    if kind == MaterialClass.FLUID:
-        return bulk / GAMMA * (J ** (1 - GAMMA) / (GAMMA - 1) + J - GAMMA / (GAMMA - 1))
-    stretches = np.linalg.svd(F, compute_uv=False)
-    if form == Form.COROTATED:
-        return mu * ((stretches - 1) ** 2).sum(axis=1) + lam / 2 * (J - 1) ** 2
-    strain = stretches - 1 if kind == MaterialClass.SNOW else np.log(stretches)
-    return mu * (strain**2).sum(axis=1) + lam / 2 * strain.sum(axis=1) ** 2
-
-
 # What two threads launch at once: the next stage waits for both.
 Stage = tuple[list[Any], list[Any]]
 
@@ -270,8 +279,9 @@ class Substep:
     """The launches of one substep: particles to grid, grid, boundaries, grid to particles.
 
     ``list_nodes`` again when the particles were sorted; ``record`` when boundaries moved. Nodes
-    that ``fixed`` particles weigh on stand still. Two ``threads``, on a CPU alone: warp's kernels
-    run at once, each on a grid of its own.
+    that ``fixed`` particles weigh on stand still. Particles that share no node with others need
+    none: they fall, and land on walls, by themselves. Two ``threads``, on a CPU alone: warp's
+    kernels run at once, each on a grid of its own.
     """
 
     def __init__(
@@ -288,17 +298,16 @@ class Substep:
         self.cloud, self.walls, self.lagrangian = cloud, tuple(walls), lagrangian
         self.device = cloud.device
         self.threads = threads if self.device == "cpu" else 1
+        self.gravity = np.asarray(gravity_vector, dtype=np.float64)
         self._gravity = types.vec3(*map(float, gravity_vector))
         self._clock = wp.zeros(2, dtype=types.real, device=self.device)
-        sizes = [grid.count, grid.count if self.threads == 2 else 0]
-        self._grids = [wp.zeros(n, dtype=types.vec4, device=self.device) for n in sizes]
         self._impulse = wp.zeros(len(walls) + 1, dtype=types.vec3, device=self.device)
         self._worker = ThreadPoolExecutor(1) if self.threads == 2 else None
         self.rigid: RigidBodies | None = None
         if cloud.particles.rigid.max() >= 0:
             self.rigid = RigidBodies(cloud.particles, grid.spacing, cloud.real, self.device)
-        size = grid.count if self.rigid is not None else 0
-        self._kick = wp.zeros(size, dtype=types.vec4, device=self.device)
+        self._still: np.ndarray = np.zeros(0, dtype=np.int64)
+        self._make_room()
         mass = np.zeros(grid.count)  # of what stands still, by the same weights
         if fixed is not None:
             still, real = Cloud(fixed, grid, self.device), types.real
@@ -310,8 +319,16 @@ class Substep:
             mass = self._grids[0].numpy()[:, 3]
         self._still = np.flatnonzero(mass)
         self._still_mass = mass[self._still]
+        self._make_room()
         self._stages: list[Stage] = []
         self._graph: Any = None
+        # The listed nodes: room for some more, and how many they are
+        self.nodes = wp.zeros(0, dtype=int, device=self.device)
+        # How many nodes are listed, and how many particles fly by themselves
+        self.count = wp.zeros(2, dtype=int, device=self.device)
+        self._alone: np.ndarray = np.zeros(0, dtype=np.int64)
+        self._planes: list[tuple[np.ndarray, np.ndarray]] = []  # normals, heights: of every wall
+        self._radius = np.cbrt(3 / (4 * np.pi) * cloud.particles.volume)
 
     @property
     def pull(self) -> float:
@@ -330,7 +347,7 @@ class Substep:
 
     def set_step(self, dt: float, damping: float) -> None:
         """Take steps of ``dt`` [s] in which velocities fade at the rate ``damping`` [1/s]."""
-        self._clock.assign(np.array([dt, np.exp(-damping * dt)], dtype=self._clock.numpy().dtype))
+        self._clock.assign([dt, float(np.exp(-damping * dt))])
 
     def take_impulses(self) -> Float[np.ndarray, "holders 3"]:
         """Momentum [N s] that every wall, and then what is stationary, gave since asked last."""
@@ -342,63 +359,158 @@ class Substep:
             impulses[:-1] += fraction[:, None] * self.rigid.take_push()
         return impulses
 
-    def list_nodes(self, time: float) -> None:
-        """List the nodes near the particles, and record the launches at ``time`` [s]."""
-        cloud = self.cloud
-        x, drift = (cloud.particles.x, 0) if self.lagrangian else (cloud.read("x"), 1)
-        self.nodes = cloud.grid.near(x, drift=drift)
-        self._nodes = start_warp().array(self.nodes.astype(np.int32), dtype=int, device=self.device)
+    def follow(self, survey: Float[np.ndarray, "entries"]) -> None:
+        """Move the grid to where a survey saw the particles, if they come near to its border."""
+        cloud, old = self.cloud, self.cloud.grid
+        bounds = np.stack([-survey[LOW : LOW + 3], survey[HIGH : HIGH + 3]])
+        # All may fly by themselves
+        grid = old.around(bounds, self._still) if (bounds[0] <= bounds[1]).all() else None
+        if grid is None:
+            return
+        shift = np.rint((old.origin - grid.origin) / grid.spacing).astype(np.int64)
+        still = np.stack(np.unravel_index(self._still, old.shape), axis=1)
+        self._still = np.asarray(np.ravel_multi_index((still + shift).T, grid.shape))
+        cloud.set_grid(grid)
+        self.nodes = start_warp().zeros(0, dtype=int, device=self.device)
+        self._make_room()
+
+    def _make_room(self) -> None:
+        """Nodes of the grid with nothing on them, no wall asked about them.
+
+        On a CPU they take memory only where something comes.
+        """
+        wp, vec4, count = start_warp(), self.cloud.types.vec4, self.cloud.grid.count
+
+        def zeros(wanted: bool, dtype: Any, *width: int) -> Any:
+            size = count if wanted else 0
+            if self.device != "cpu":
+                return wp.zeros(size, dtype=dtype, device=self.device)
+            lazy = np.zeros((size, *width), dtype=np.float64 if width else np.int32)
+            return wp.array(lazy, dtype=dtype, device="cpu", copy=False)
+
+        self._grids = [zeros(wanted, vec4, 4) for wanted in (True, self.threads == 2)]
+        self._kick = zeros(self.rigid is not None, vec4, 4)
+        # By listing: nodes that are listed, cells that have particles; what stands still has some
+        self._stamp, self._marks, self._cells = 0, zeros(True, int), zeros(True, int)
+        if len(self._still):
+            cells = self._cells.numpy()
+            cells[self._still] = np.iinfo(np.int32).max
+            self._cells.assign(cells)
+        none = (np.zeros(0, dtype=np.int64), np.zeros((0, 3)), np.zeros((0, 3)))
+        # Of every wall: which nodes it was asked about, and those in it as ``Wall.at`` tells
+        self._met: list[tuple[np.ndarray, ...]] = [none for _ in self.walls]
+        self._asked = [np.zeros(count, dtype=bool) for _ in self.walls]
+
+    def clear(self) -> None:
+        """Leave nothing on the nodes: listed ones are cleared by every step, others by none."""
         for grid in (*self._grids, self._kick):
             grid.zero_()
-        self.record(time)
+
+    def list_nodes(self, time: float) -> None:
+        """List the nodes near the particles; record the launches at ``time`` [s] if need be.
+
+        They stay while the list has room and walls hold the same nodes.
+        """
+        wp, cloud, kernels = start_warp(), self.cloud, order_kernels(self.cloud.real)
+        x, drift = (cloud.struct.rest, 0) if self.lagrangian else (cloud.struct.x, cloud.drift)
+        for grid in (*self._grids, self._kick):  # others than those listed have nothing
+            if len(self.nodes) and len(grid):
+                inputs = [0, self.nodes, self.count, grid]
+                clear = grid_kernels(cloud.real).clear
+                wp.launch(clear, len(self.nodes), inputs, device=self.device)
+        self.count.zero_()
+        before, self._stamp = len(self._alone), self._stamp + 1
+        if not self.lagrangian:
+            inputs = [cloud.struct, cloud.frame, self._stamp, self._cells]
+            wp.launch(kernels.occupy, len(cloud), inputs, device=self.device)
+            inputs = [cloud.struct, cloud.frame, drift, self._stamp, self._cells, self.count]
+            wp.launch(kernels.part, len(cloud), inputs, device=self.device)
+        places = [x, cloud.struct.alone, cloud.frame, drift]
+        lists = [self._stamp, self._marks, self.nodes, self.count]
+        wp.launch(kernels.reach, len(cloud), [*places, *lists], device=self.device)
+        count, alone = self.count.numpy().tolist()
+        fits = 0 < SPARE**2 * len(self.nodes) <= count <= len(self.nodes)
+        if not fits:
+            self._stamp += 1
+            self.nodes = wp.zeros(int(count / SPARE), dtype=int, device=self.device)
+            lists = [self._stamp, self._marks, self.nodes, wp.zeros_like(self.count)]
+            wp.launch(kernels.reach, len(cloud), [*places, *lists], device=self.device)
+        self._alone = np.flatnonzero(cloud.struct.alone.numpy()) if alone else self._alone[:0]
+        if self._meet_walls(time, count) or not fits or alone or before:
+            self._record()
+
+    def _meet_walls(self, time: float, count: int) -> bool:
+        """Find the ``count`` listed nodes in walls at ``time`` [s]; whether others are than before.
+
+        What stands is asked once about a node. Of what flies by itself: find planes of the walls.
+        """
+        if len(self._alone):
+            x = self.cloud.struct.x.numpy()[self._alone].astype(np.float64)
+            radius = self._radius[self.cloud.order[self._alone]]
+            near = [wall.distance(x, time) for wall in self.walls]
+            self._planes = [(n, (n * x).sum(axis=1) - gap + radius) for gap, n in near]
+        listed, changed = np.zeros(0, dtype=np.int32), False
+        if self.walls and count:
+            listed = self.nodes[:count].numpy()
+        for slot, (wall, asked) in enumerate(zip(self.walls, self._asked, strict=True)):
+            if wall.moves and not self.lagrangian:
+                self._met[slot], changed = wall.at(self.cloud.grid, listed, time), True
+            elif len(new := listed[~asked[listed]]):
+                asked[new] = True
+                found = wall.at(self.cloud.grid, new, 0.0)
+                changed |= len(found[0]) > 0
+                pairs = zip(self._met[slot], found, strict=True)
+                self._met[slot] = tuple(np.concatenate(pair) for pair in pairs)
+        return changed
 
     def record(self, time: float) -> None:
         """Record the launches, with the boundaries where they are at ``time`` [s]."""
+        self._meet_walls(time, int(self.count.numpy()[0]))
+        self._record()
+
+    def _record(self) -> None:
         self._graph, self._stages = None, []
-        if not len(self.nodes):  # every particle has left the grid
-            return
         wp, cloud, rigid = start_warp(), self.cloud, self.rigid
         real, types, struct, clock = cloud.real, cloud.types, cloud.struct, self._clock
         kernels, main = grid_kernels(real), self._grids[0]
-        nodes, count = self._nodes, len(self.nodes)
+        nodes, count = (self.nodes, self.count), len(self.nodes)
 
         def add(
             stage: Stage, kernel: Any, first: int, size: int, *inputs: Any, grids: bool = False
         ) -> None:
             """Record launches on ``size`` things from ``first`` on, halved between two threads.
 
-            With ``grids`` each thread adds to its own; warp records no launch of nothing.
+            With ``grids`` each thread adds to its own.
             """
             half = (size + 1) // 2 if self.threads == 2 else size
             for thread, a, n in ((0, first, half), (1, first + half, size - half)):
                 own = [self._grids[thread]] if grids else []
-                if n:
-                    launch(stage, kernel, n, a, *inputs, *own, thread=thread)
+                launch(stage, kernel, n, a, *inputs, *own, thread=thread)
 
         def launch(stage: Stage, kernel: Any, n: int, *inputs: Any, thread: int = 0) -> None:
-            command = wp.launch(kernel, n, list(inputs), device=self.device, record_cmd=True)
-            stage[thread].append(command)
+            if n:
+                command = wp.launch(kernel, n, list(inputs), device=self.device, record_cmd=True)
+                stage[thread].append(command)
 
         def numbers(values: np.ndarray) -> Any:
             return wp.array(values.astype(np.int32), dtype=int, device=self.device)
 
         clear, scatter, advance, hold, move, settle = stages = [([], []) for _ in range(6)]
         for thread in range(self.threads):
-            launch(clear, kernels.clear, count, 0, nodes, self._grids[thread], thread=thread)
+            launch(clear, kernels.clear, count, 0, *nodes, self._grids[thread], thread=thread)
         if len(struct.push):
             launch(clear, push_kernel(real), len(cloud), 0, struct, clock)
         if rigid is not None:
-            launch(clear, kernels.clear, count, 0, nodes, self._kick)
+            launch(clear, kernels.clear, count, 0, *nodes, self._kick)
 
         for span in cloud.spans:
             kernel = scatter_kernel(span.kind, real, lagrangian=self.lagrangian, form=span.form)
             add(scatter, kernel, span.first, span.count, struct, cloud.frame, clock, grids=True)
 
-        add(advance, kernels.advance, 0, count, nodes, *self._grids, self._gravity, clock)
+        add(advance, kernels.advance, 0, count, *nodes, *self._grids, self._gravity, clock)
 
         touching = 0.0 if rigid is None else rigid.touching
-        for slot, wall in enumerate(self.walls):
-            inside, *fields = wall.at(cloud.grid, self.nodes, 0.0 if self.lagrangian else time)
+        for slot, (wall, (inside, *fields)) in enumerate(zip(self.walls, self._met, strict=True)):
             if len(inside):
                 normals, velocities = (
                     wp.array(field, dtype=types.vec3, device=self.device) for field in fields
@@ -416,6 +528,22 @@ class Substep:
             if not span.rigid:
                 kernel = move_kernel(real, lagrangian=self.lagrangian, carries=span.carries)
                 add(move, kernel, span.first, span.count, struct, cloud.frame, clock, main)
+
+        if len(self._alone):
+            size = (len(self.walls), len(self._alone))
+            normals, heights = np.zeros((*size, 3)), np.zeros(size)
+            for slot, (normal, height) in enumerate(self._planes):
+                normals[slot], heights[slot] = normal, height
+            speeds = np.reshape([wall.shape.velocity for wall in self.walls], (-1, 3))
+            launch(
+                move, fly_kernel(real), len(self._alone), 0, numbers(self._alone), struct,
+                self._gravity, clock, wp.array(normals, dtype=types.vec3, device=self.device),
+                wp.array(heights, dtype=real, device=self.device),
+                wp.array(speeds, dtype=types.vec3, device=self.device),
+                numbers(np.array([wall.touch for wall in self.walls])),
+                wp.array([wall.friction for wall in self.walls], dtype=real, device=self.device),
+                self._impulse,
+            )  # fmt: skip
 
         if rigid is not None:  # sum the momenta of rigid bodies, settle, move their particles
             spans = [span for span in cloud.spans if span.rigid]
@@ -455,6 +583,10 @@ def _launch_all(launches: list[Any]) -> None:
         launch.launch()
 
 
+# How many times too large stress is beside held nodes. Of a rest that is even, two particles a cell
+# have strains as .75 to .25 there and bear it together: .75 / (.75^2 + .25^2) is 1.2 of it. A bar
+# that starts to hang bears half as much again as its wave has.
+BESIDE_HELD = 1.5
 # Arrays that change with time: what a chunk starts from.
 CHANGING = ("x", "v", "C", "H", "total", "q")
 
@@ -485,18 +617,23 @@ class ClassSpan(NamedTuple):
 class Cloud:
     """Moving particles on a device, in the order of their class and then of the ``grid``.
 
-    On 'cpu' they are of float64, on 'cuda' of float32.
+    On 'cpu' they are of float64, on 'cuda' of float32. What tears is as much stronger beside nodes
+    that ``walls`` of supports hold as its stress is told too large there.
     """
 
-    def __init__(self, particles: Particles, grid: BackgroundGrid, device: str) -> None:
+    def __init__(
+        self, particles: Particles, grid: BackgroundGrid, device: str, walls: Sequence[Wall] = ()
+    ) -> None:
         wp = start_warp()
-        self.particles, self.grid, self.device = particles, grid, device
+        self.particles, self.device = particles, device
         self.real = wp.float64 if device == "cpu" else wp.float32
+        self.drift = REACH if device == "cpu" else REACH_GPU
         self.types = types_of(self.real)
+        self.set_grid(grid)
         forms = np.array([int(s.form) for s in particles.substances])[particles.substance]
         forms = np.where(particles.rigid < 0, forms, Form.PLAIN)
         self._classes = len(Form) * particles.kinds + forms
-        order = self.order = self._sorted(particles.x)
+        order = np.argsort(self._classes, kind="stable")
         keys, first, count = np.unique(self._classes[order], return_index=True, return_counts=True)
         self.spans = tuple(
             ClassSpan(MaterialClass(int(kind)), Form(int(form)), int(a), int(n))
@@ -506,17 +643,28 @@ class Cloud:
         states = np.array([s.state for s in particles.substances])[particles.substance]
         real, vec3, mat33 = self.real, self.types.vec3, self.types.mat33
         struct = self.struct = self.types.Cloud()
+        numbers = particles.numbers(grid.spacing)
+        supports = [wall for wall in walls if isinstance(wall.shape, FixedPlaces)]
+        tears = np.flatnonzero((forms == Form.TEARING) & grid.holds(particles.x))
+        if supports and len(tears):
+            lowest = grid.first_nodes(particles.x[tears])[:, None]
+            around = lowest + np.stack(list(np.ndindex(3, 3, 3)))
+            nodes = np.ravel_multi_index(tuple(np.moveaxis(around, 2, 0)), grid.shape)
+            held = [wall.at(grid, np.unique(nodes), 0.0)[0] for wall in supports]
+            beside = np.isin(nodes, np.concatenate(held)).any(axis=1)
+            numbers[tears[beside], 0] *= BESIDE_HELD
         values = {
             "x": (particles.x, vec3),
             "rest": (particles.x, vec3),
             "v": (particles.velocity, vec3),
-            "k": (particles.numbers(grid.spacing), vec3),
+            "k": (numbers, vec3),
             "m": (particles.mass, real),
             "volume": (particles.volume, real),
             "mu": (mu, real),
             "lam": (lam, real),
             "q": (states, real),
             "body": (particles.rigid.astype(np.int32), int),
+            "alone": (np.zeros(len(self), dtype=np.int32), int),
         }
         for name, (array, dtype) in values.items():
             sorted_ = np.ascontiguousarray(array[order])
@@ -525,38 +673,56 @@ class Cloud:
         for name in ("C", "H", "total"):
             setattr(struct, name, wp.zeros(len(self), dtype=mat33, device=device))
         self.strongest_push = 0.0  # m/s^2
-        frame = self.types.Frame()
-        frame.origin = vec3(*map(float, grid.origin))
-        frame.spacing = grid.spacing
-        frame.nx, frame.ny, frame.nz = grid.shape
-        self.frame = frame
         self.listed = wp.clone(self.struct.x)
-        self._survey = wp.zeros(COUNT, dtype=self.real, device=device)
+        start = np.zeros(COUNT)
+        start[[*range(HIGH, HIGH + 3), *range(LOW, LOW + 3)]] = LEAST
+        self._start = wp.array(start, dtype=real, device=device)
+        self._survey = wp.clone(self._start)
+        self._order = wp.array(order.astype(np.int32), dtype=int, device=device)
+        self._host_order: np.ndarray | None = None
+        # What sorting needs beside the particles: a copy, cells and rows twice, for radix sort
+        self._old, self._old_order = self.types.Cloud(), wp.empty_like(self._order)
+        for name in self.types.Cloud.vars:
+            setattr(self._old, name, wp.empty_like(getattr(struct, name)))
+        self._keys, self._rows = (
+            wp.empty(2 * len(self), dtype=int, device=device) for _ in range(2)
+        )
+        self._same = wp.array(np.arange(len(self)), dtype=int, device=device)
+        self.sort()
 
     def __len__(self) -> int:
-        return len(self.order)
+        return len(self.particles.x)
+
+    def set_grid(self, grid: BackgroundGrid) -> None:
+        """Take another grid of the same spacing."""
+        self.grid, self.frame = grid, self.types.Frame()
+        self.frame.origin = self.types.vec3(*map(float, grid.origin))
+        self.frame.spacing = grid.spacing
+        self.frame.nx, self.frame.ny, self.frame.nz = grid.shape
 
     def rows(self, span: ClassSpan) -> Int[np.ndarray, "some"]:
         """The particles of a span."""
         return self.order[span.first : span.first + span.count]
 
-    def _sorted(self, x: np.ndarray) -> Int[np.ndarray, "n"]:
-        """Order by class, and by the first node within it."""
-        nodes = np.clip(self.grid.first_nodes(x), 0, np.array(self.grid.shape) - 3)
-        return np.argsort(self._classes * self.grid.count + self.grid.flat(nodes), kind="stable")
+    @property
+    def order(self) -> Int[np.ndarray, "n"]:
+        """The particles as the device has them."""
+        known = self._host_order
+        if known is None:
+            known = self._host_order = self._order.numpy().astype(np.int64)
+        return known
 
     def sort(self) -> None:
-        """Put the particles into the order of the grid again, every array in its place."""
-        again = self._sorted(self.read("x"))
-        inner = np.empty(len(again), dtype=np.int64)
-        inner[self.order] = np.arange(len(again))
-        moved = inner[again]
-        for name in (*CHANGING, "rest", "m", "volume", "mu", "lam", "k", "body"):
-            array = getattr(self.struct, name)
-            array.assign(array.numpy()[moved])
-        if len(self.struct.push):
-            self.struct.push.assign(self.struct.push.numpy()[moved])
-        self.order = again
+        """Put the particles into the order of the grid, span by span, every array in its place."""
+        wp, kernels = start_warp(), order_kernels(self.real)
+        for number, span in enumerate(self.spans):
+            inputs = [span.first, number, self.struct, self.frame, self._keys, self._rows]
+            wp.launch(kernels.key, span.count, inputs, device=self.device)
+        wp.utils.radix_sort_pairs(self._keys, self._rows, len(self))
+        here, there = (self.struct, self._order), (self._old, self._old_order)
+        for inputs in ([self._rows, *here, *there], [self._same, *there, *here]):
+            wp.launch(kernels.reorder, len(self), inputs, device=self.device)
+        self._host_order = None
         self.mark()
 
     def mark(self) -> None:
@@ -574,18 +740,27 @@ class Cloud:
         """Set the array ``name``, given in the order of the particles."""
         getattr(self.struct, name).assign(np.ascontiguousarray(values[self.order]))
 
+    def write_frame(self, x: Any, F: Any) -> None:
+        """Write places [m] and gradients to arrays of vec3 and mat33 that are on the device."""
+        kernel = order_kernels(self.real).tell
+        for span in self.spans:
+            inputs = [span.first, span.carries, self.struct, self._order, x, F]
+            start_warp().launch(kernel, span.count, inputs, device=self.device)
+
     def set_push(self, values: Float[np.ndarray, "n 3"]) -> None:
         """Accelerations [m/s^2] of the particles by outer forces, from now on."""
         ordered, vec3 = np.ascontiguousarray(values[self.order]), self.types.vec3
         self.struct.push = start_warp().array(ordered, dtype=vec3, device=self.device)
+        self._old.push = start_warp().empty_like(self.struct.push)
         self.strongest_push = float(np.linalg.norm(self.struct.push.numpy(), axis=1).max(initial=0))
 
     def survey(self) -> Float[np.ndarray, "entries"]:
         """Look over the particles: see the entries of ``kernels_grid``."""
         wp = start_warp()
-        self._survey.zero_()
+        wp.copy(self._survey, self._start)
         for span in self.spans:
-            inputs = [span.first, self.struct, self.frame, self.listed, self._survey]
+            threads = min(span.count, LOOKERS)
+            inputs = [*span[2:], threads, self.struct, self.frame, self.listed, self._survey]
             kernel = survey_kernel(span.kind, self.real, span.form)
-            wp.launch(kernel, span.count, inputs, device=self.device)
+            wp.launch(kernel, threads, inputs, device=self.device)
         return self._survey.numpy().astype(np.float64)

@@ -36,6 +36,7 @@ class ReducedMethod:
     scale, nu: What E is multiplied by [1], and Poisson's ratio [1] in place of the body's own:
         fitted.
     rounds: How often at most a motion that is off is followed again, with more coordinates.
+    rough: Whether the motion is checked roughly, in a quarter of the time.
     announce: Hears of the model, in words, before the motion.
     """
 
@@ -45,6 +46,7 @@ class ReducedMethod:
     scale: float = 1.0
     nu: float | None = None
     rounds: int = ROUNDS
+    rough: bool = False
     announce: Callable[[str], None] | None = None
 
     laws: tuple[str, ...] = ()
@@ -78,6 +80,7 @@ class ReducedMethod:
             scheme=scheme,
             most_cells=self.most_cells,
             rounds=0 if fitted else self.rounds,
+            rough=self.rough,
             announce=self.announce,
             progress=progress,
         ).of(scene, model)

@@ -80,7 +80,8 @@ class Following:
     """How a scene is followed: by intervals of ``dt`` [s], a law and a scheme.
 
     ``rounds`` are how often at most it is followed again, ``most_cells`` those of the models of
-    these (0: all). ``announce`` hears of each before, in words.
+    these (0: all). ``announce`` hears of each before, in words. ``rough`` is whether the full body
+    is followed beside it in every second frame alone, by tangents that serve for longer.
     """
 
     dt: float
@@ -89,6 +90,7 @@ class Following:
     scheme: Scheme = Scheme.BDF2
     most_cells: int = CELLS[-1]
     rounds: int = ROUNDS
+    rough: bool = False
     announce: Callable[[str], None] | None = None
     progress: FrameProgress | None = None
 
@@ -111,7 +113,7 @@ class Following:
         return followed
 
     def _once(self, scene: Scene, model: ReducedModel) -> tuple[Followed, np.ndarray | None]:
-        """The motion by ``model``, and what it missed (frames, nodes, 3) [m]."""
+        """The motion by ``model``, and what it missed (frames, nodes, 3) [m], those checked."""
         body = reduced_dynamics(scene, model, law=self.law, scheme=self.scheme)
         states, halved = [body.state], 0
         for frame in range(1, self.frames + 1):
@@ -119,19 +121,20 @@ class Following:
             halved += body.last_dt != self.dt
             if self.progress is not None:
                 self.progress(frame, self.frames)
-        space = make_space(scene.mesh, model.order)
+        space, checked = make_space(scene.mesh, model.order), states[:: 2 if self.rough else 1]
         missed = missed_motion(
             scene.mesh,
             scene.supports,
-            states,
+            checked,
             load=nodal_forces_of(scene, model.order),
             velocity=start_velocity(scene, space),
             law=self.law,
             scheme=self.scheme,
             order=model.order,
             contact=_contact_of(scene, space),
+            near=ROUGHLY_NEAR if self.rough else NEAR,
         )
-        error = None if missed is None else error_of(missed, states, model.mass)
+        error = None if missed is None else error_of(missed, checked, model.mass)
         return Followed(model, tuple(states), error, halved), missed
 
 
@@ -201,8 +204,9 @@ def _contact_of(scene: Scene, space: Space) -> Contact:
 # factor serves as long as the body stays near where it was made: all frames of a stiff body. Exact
 # for the linear law, for others to the first order in e.
 
-# A tangent serves until a point has moved so far since, over the body's longest side.
-NEAR = 0.02
+# A tangent serves until a point has moved so far since, over the body's longest side; and where the
+# error is wanted to a part of itself only.
+NEAR, ROUGHLY_NEAR = 0.02, 0.1
 # And until obstacles press by so much more or less, over their stiffness.
 ALIKE = 0.5
 
@@ -219,14 +223,16 @@ def missed_motion(
     scheme: Scheme = Scheme.BDF2,
     contact: Contact | None = None,
     order: int = 1,
+    near: float = NEAR,
 ) -> Float[np.ndarray, "frames nodes 3"] | None:
     """What a reduced motion lacks of the full body's [m], of every frame but the start.
 
     An estimate; None where the mesh is too large for a factor. ``states`` are at equal times, the
     start first, their contact forces taken as they are; ``load`` [N] and ``velocity`` [m/s] at the
-    start are those of the nodes, ``contact`` the obstacles that were met.
+    start are those of the nodes, ``contact`` the obstacles that were met. A tangent serves until a
+    point is ``near`` [1] of the body's longest side away.
     """
-    full = _FullBody(mesh, supports, law, load, order, contact)
+    full = _FullBody(mesh, supports, law, load, order, contact, near)
     if full.plan.entries > MOST_ENTRIES or len(states) < 2:
         return None
     dt = states[1].time - states[0].time
@@ -268,6 +274,7 @@ class _FullBody:
         load: np.ndarray,
         order: int,
         contact: Contact | None,
+        near: float,
     ) -> None:
         self.mesh, self.load = mesh, load
         self.contact = contact if contact is not None and contact.obstacles else None
@@ -276,7 +283,7 @@ class _FullBody:
         self.elastic = ElasticBody(self.grid, material_of(mesh), law)
         held = node_supports(supports or Supports.none(len(mesh.points)), self.grid.space)
         self.fixed, self.springs = held.fixed | (self.mass == 0)[:, None], held.springs
-        self.reach = NEAR * float(np.ptp(mesh.bounds, axis=0).max())
+        self.reach = near * float(np.ptp(mesh.bounds, axis=0).max())
         self.plan = planned_elimination(self.grid.pattern, self.grid.space.edges)
         self._about: np.ndarray | None = None
         self._factor, self._pressed = 0.0, np.zeros((1, 3, 3))

@@ -88,7 +88,7 @@ class BoundaryConditions:
         for words in self.fix:
             place = _selected(scene, "fix", words)
             held = held.with_fixed(place.points, place.axes)
-            holds.append(Hold(place.words, place.points, place.axes))
+            holds.append(Hold(place.words, place.points, place.axes, beyond=place.beyond))
         for place, value in self._placed(scene, "move"):
             rows = np.ix_(place.points, np.array(place.axes))
             by, taken = value[list(place.axes)], held.fixed[rows]
@@ -105,7 +105,8 @@ class BoundaryConditions:
                 )
             values = np.where(taken, held.values[rows], by)
             held = held.with_fixed(place.points, place.axes, values)
-            holds.append(Hold(place.words, place.points, place.axes, tuple(value.tolist())))
+            way = tuple(value.tolist())
+            holds.append(Hold(place.words, place.points, place.axes, way, place.beyond))
         tractions = [*scene.tractions]
         make = {"load": spread_force, "pressure": pressure, "torque": spread_torque}
         for kind, spread in make.items():
@@ -119,7 +120,7 @@ class BoundaryConditions:
                         raise UsageError("conditions.face_surface", **entry)
                     warnings.append(Note("conditions.on_a_line", count=len(parts), **entry))
                     parts = np.tile(WHOLE, (len(parts), 1))
-                number = value if len(value) > 1 else float(value[0])
+                number: Any = value if len(value) > 1 else float(value[0])
                 try:
                     load = spread(mesh, place.faces, number, parts=parts)
                 except InputError as error:

@@ -21,13 +21,15 @@ LEVEL = 0.99  # cosine from the up axis of what is ground
 class Hold(NamedTuple):
     """What a user called a support: its ``name``, ids of its points, and the ``axes`` it holds.
 
-    ``by`` is the prescribed displacement (3,) [m].
+    ``by`` is the prescribed displacement (3,) [m]; ``beyond`` how far the place goes on past its
+    points, within tets that it cuts [m].
     """
 
     name: str
     points: Int[np.ndarray, "held"]
     axes: tuple[int, ...] = (0, 1, 2)
     by: tuple[float, ...] = (0.0, 0.0, 0.0)
+    beyond: float = 0.0
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -5,10 +5,12 @@ from __future__ import annotations
 import difflib
 import fnmatch
 import re
+from collections.abc import Sequence
+from itertools import permutations
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from ..errors import UsageError
 from ..mesh import TetMesh, cross, face_areas, face_normals, outer_faces
@@ -30,7 +32,7 @@ class Selection(NamedTuple):
     ``words`` are those of the user, ``axes`` the directions that a support there holds, a subset of
     (0, 1, 2); ``points`` are the ids of the mesh points in it, ``faces`` (faces, 3) those of the
     surface that lie in it, and ``parts`` (faces, 6) how much of each, as ``Traction`` has it: none
-    of what only touches it.
+    of what only touches it. ``beyond`` is how far it goes on past its points, within tets [m].
     """
 
     words: str
@@ -38,6 +40,7 @@ class Selection(NamedTuple):
     points: Int[np.ndarray, "points"]
     faces: Int[np.ndarray, "faces 3"]
     parts: Float[np.ndarray, "faces 6"]
+    beyond: float = 0.0
 
 
 def select(mesh: TetMesh, words: str, *, surface: bool = False) -> Selection:
@@ -114,7 +117,32 @@ def select(mesh: TetMesh, words: str, *, surface: bool = False) -> Selection:
         )
     if surface and not some.any():  # a line or a point: the faces that touch it, none of them in it
         some = np.isin(faces, ids).any(axis=1)
-    return Selection(words, axes, ids, faces[some], parts[some])
+    depth = [level - x @ normal for normal, level in planes]
+    if ball is not None:
+        depth = [ball[1] - np.linalg.norm(x - ball[0], axis=1)]
+    beyond = _beyond(mesh.tets, np.isin(np.arange(len(x)), ids), depth, touch)
+    return Selection(words, axes, ids, faces[some], parts[some], beyond)
+
+
+def _beyond(
+    tets: Int[np.ndarray, "tets 4"],
+    inside: Bool[np.ndarray, "points"],
+    depth: Sequence[Float[np.ndarray, "points"]],
+    touch: float,
+) -> float:
+    """How far a place goes on past the points ``inside`` along edges that leave it [m].
+
+    ``depth`` of the points below every border [m], negative beyond it.
+    """
+    ends = tets[:, list(permutations(range(4), 2))].reshape(-1, 2)
+    start, end = ends[inside[ends[:, 0]] & ~inside[ends[:, 1]]].T
+    if not (len(start) and len(depth)):
+        return 0.0
+    below = np.maximum(depth, 0.0)[:, start]
+    over = np.maximum(-np.array(depth)[:, end], 0.0)
+    leaves = np.where(over > touch, below / (below + np.maximum(over, touch)), np.inf)
+    first = leaves.argmin(axis=0)  # of the borders on the way, from which it is so deep
+    return float(below[first, np.arange(len(start))].max())
 
 
 def _parts_of(

@@ -170,10 +170,13 @@ def _hold_three(points, ids, axis, fixed) -> None:
     base = _lowest(points, ids, axis)
     side = [a for a in range(3) if a != axis]
     flat = points[base][:, side]
-    a = np.argmax(np.linalg.norm(flat - flat.mean(axis=0), axis=1))
-    b = np.argmax(np.linalg.norm(flat - flat[a], axis=1))
-    line = flat[b] - flat[a]
-    c = np.argmax(np.abs((flat - flat[a]) @ [-line[1], line[0]]))
+    a = int(np.argmax(np.linalg.norm(flat - flat.mean(axis=0), axis=1)))
+    # The second along an axis from it, as far as can be, and held across: what swells does not turn
+    far = flat - flat[a]
+    size = np.maximum(np.linalg.norm(far, axis=1), np.finfo(float).tiny)[:, None]
+    b, along = divmod(int(np.argmax(np.square(far) / size)), 2)
+    line = far[b]
+    c = int(np.argmax(np.abs(far @ [-line[1], line[0]])))
     fixed[base[[a, b, c]], axis] = True
     fixed[base[a]] = True
-    fixed[base[b], side[int(abs(line[0]) > abs(line[1]))]] = True  # the one across the line
+    fixed[base[b], side[1 - along]] = True

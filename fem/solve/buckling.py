@@ -8,18 +8,15 @@ import numpy as np
 
 from ..device import single_threaded
 from ..elements.assembly import node_supports
-from ..elements.elastic import (
-    constrained_stiffness,
-    displacement_gradients,
-    linear_stress,
-    stress_stiffness,
-)
+from ..elements.elastic import constrained_stiffness, displacement_gradients, linear_stress
 from ..elements.following import FollowingLoads
 from ..elements.space import element_points
 from ..errors import ConvergenceError, InputError
 from ..laws.law import Law
+from ..linalg.solver import Inverse
 from ..scene.loads import Traction
 from ..scene.supports import Supports
+from .mesh_error import estimate_factor_error
 from .modal import ConstrainedInverse, constrained_inverse
 from .result import LoadFactor, StaticResult
 
@@ -31,6 +28,8 @@ STEPS, LEAST = 80, 10
 # Where no factor is affordable CG solves to this relative residual, while there are so many tets: a
 # minute of a core for a compact body, which wants the least number of steps.
 ROUGH, MOST_TETS = 1e-7, 150_000
+# What the mesh leaves of a larger factor is not estimated: it is told to be far, and is.
+FAR = 30.0
 # A load factor beyond this is as good as infinite, and its own eigenvalue is in a crowd.
 LARGEST = 1000.0
 
@@ -45,7 +44,7 @@ def find_load_factor(
 
     The lowest eigenvalue above zero of (K + factor K_sigma) x = 0, with the geometric stiffness
     K_sigma of the stress of ``result`` (Bathe, Finite Element Procedures, section 6.8.2; and
-    ``stress_stiffness``). ``supports`` are those of the result; pressures in ``traction`` follow
+    ``result.stressed``). ``supports`` are those of the result; pressures in ``traction`` follow
     their faces, which K_sigma has beside the stress. Beyond ``LARGEST`` the factor is infinite.
 
     Raises InputError: Where the result is not linear.
@@ -54,9 +53,8 @@ def find_load_factor(
     """
     if result.law != Law.LINEAR:
         raise InputError("buckling.load_factor_under", law=result.law, value=Law.LINEAR.value)
-    body, grid = result.body, result.body.grid
+    body, grid, u = result.body, result.body.grid, result.node_displacement
     held, points = node_supports(supports, grid.space), element_points(grid.space.order)
-    H = displacement_gradients(grid, result.node_displacement, points)
     affordable = len(result.mesh.tets) <= MOST_TETS
     matrix = constrained_stiffness(body, held)
     inverse = constrained_inverse(matrix, grid.space, held, rough=ROUGH if affordable else 0.0)
@@ -64,22 +62,27 @@ def find_load_factor(
         raise ConvergenceError("buckling.tets_shape", count=len(result.mesh.tets))
     free = ~held.fixed
     free[grid.space.unused] = False
-    stressed = stress_stiffness(grid, linear_stress(H, body.material))
     start = np.where(free, np.random.default_rng(0).normal(size=free.shape), 0.0)
     following = FollowingLoads(result.mesh, grid.space, traction, held.fixed)
     i, j, turning = following.stiffness(np.zeros_like(start))
 
     def push(x: np.ndarray) -> np.ndarray:
         """Force [N] that all that acts makes of a displacement ``x`` [m]."""
-        force = -stressed.times(x)
+        force = -result.stressed.times(x)
         np.subtract.at(force, i, np.einsum("nij,nj->ni", turning, x[j]))
         return np.where(free, force, 0.0)
 
     eigenvalue, shape = _largest_eigenvalue(inverse, push, start)
-    shape = shape[: grid.space.points]
     if not eigenvalue > 0:
-        return LoadFactor(np.inf, np.zeros_like(shape))
-    return LoadFactor(1 / eigenvalue, shape / (np.linalg.norm(shape, axis=1).max() or 1.0))
+        return LoadFactor(np.inf, np.zeros_like(result.displacement))
+    factor, error = 1 / eigenvalue, np.nan
+    if grid.space.order == 2 and inverse.direct and factor < FAR:
+        stiffness = Inverse(matrix.times, inverse.solve)
+        turned, strained = (displacement_gradients(grid, v, points) for v in (shape, u))
+        pull = factor * (turned @ linear_stress(strained, body.material))
+        error = estimate_factor_error(result.mesh, grid.space, held, stiffness, shape, pull)
+    shape = shape[: grid.space.points]
+    return LoadFactor(factor, shape / (np.linalg.norm(shape, axis=1).max() or 1.0), error)
 
 
 def _largest_eigenvalue(

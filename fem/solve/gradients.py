@@ -84,7 +84,7 @@ def _function(
             return torch.from_numpy(forward(ElementMaterial(*arrays))).to(fields[0])
 
         @staticmethod
-        def backward(context: Any, *outer: torch.Tensor) -> tuple[torch.Tensor, ...]:
+        def backward(context: Any, *outer: torch.Tensor) -> tuple[torch.Tensor, ...]:  # type: ignore
             loss = outer[0].detach().cpu().double().numpy()
             return tuple(torch.from_numpy(g).to(outer[0]) for g in backward(loss))
 
@@ -148,7 +148,7 @@ def static_displacement(
     def forward(material: ElementMaterial) -> np.ndarray:
         body = mesh.with_material(material)
         options = {"order": grid.space.order, "tolerance": tolerance, "device": device}
-        known = {"gravity_vector": gravity_vector, **options, **loads}
+        known: dict[str, Any] = {"gravity_vector": gravity_vector, **options, **loads}
         u = solve_static(body, held, **known).node_displacement
         kept.update(material=material, u=u)
         return u

@@ -17,7 +17,7 @@ from ..elements.assembly import node_supports
 from ..elements.cubic import CubicElements
 from ..elements.elastic import linear_stress, von_mises
 from ..elements.forces import edge_nodes
-from ..elements.space import EDGES, Space
+from ..elements.space import EDGES, Space, element_points
 from ..linalg.solver import Inverse
 from ..mesh import TetMesh, material_of, tet_area_vectors
 from ..scene.loads import Traction
@@ -375,3 +375,24 @@ def estimate_frequency_error(
         factor = float(factors @ energies / energies.sum()) if energies.any() else 1.0
         found.append(frequency * (1 - factor * lower))
     return 1 - min(found) / first if found else np.nan
+
+
+def estimate_factor_error(
+    mesh: TetMesh,
+    space: Space,
+    held: Supports,
+    stiffness: Inverse,
+    shape: Float[np.ndarray, "nodes 3"],
+    pull: Float[np.ndarray, "tets points 3 3"],
+) -> float:
+    """Relative error [1] of the load factor of a quadratic ``shape`` [m], which the mesh raises.
+
+    What cubic elements win in the shape, over its energy: of the factor of the body, which that of
+    the mesh is 1 + error times; to second order of either. ``pull`` [Pa] is what its stiffness
+    balances: factor grad(shape) stress, at the points of quadrature.
+    """
+    cubic = CubicElements(mesh, space, held.fixed)
+    least = find_exponents(mesh, space, held.fixed).value[mesh.tets].min(axis=1)
+    rest = -cubic.flux_forces(pull, element_points(2)) - cubic.nodal_forces(shape)
+    won = still_to_come(least) * find_surplus(cubic, stiffness, held.fixed, rest).energies
+    return float(won.sum() / (shape * stiffness.times(shape)).sum())

@@ -16,19 +16,12 @@ from ..elements.assembly import (
     add_diagonal,
     apply_supports,
     discretise,
-    linear_stiffness,
     node_supports,
 )
-from ..elements.elastic import (
-    ElasticBody,
-    constrained_stiffness,
-    displacement_gradients,
-    linear_stress,
-    stress_stiffness,
-)
+from ..elements.elastic import ElasticBody, constrained_stiffness
 from ..elements.following import FollowingLoads
 from ..elements.forces import consistent_mass, diagonal_mass, lumped_mass
-from ..elements.space import Space, affordable_order, element_points, extend_linear
+from ..elements.space import Space, affordable_order, extend_linear
 from ..errors import ConvergenceError, InputError, UsageError
 from ..laws.law import Law
 from ..linalg.cholesky import NotPositive, cached_factor, find_factor, planned_elimination
@@ -85,25 +78,24 @@ class Vibrations(NamedTuple):
 
     def stiffness(self, shift: float = 0.0) -> BlockMatrix:
         """K + shift M [N/m], held; M in its own blocks. At ``rest`` what its stress adds to K."""
-        grid, rest = self.body.grid, self.rest
-        if rest is None and not shift:
-            return constrained_stiffness(self.body, self.held)
-        if rest is None:
-            matrix = linear_stiffness(grid, self.body.material)
+        grid, rest, springs = self.body.grid, self.rest, None
+        if rest is None or rest.law == Law.LINEAR:
+            matrix = constrained_stiffness(self.body, self.held)
+            if rest is None and not shift:
+                return matrix
+            matrix = BlockMatrix(matrix.rows, matrix.columns, start_warp().clone(matrix.values))
         else:
-            matrix = rest.body.tangent(rest.node_displacement)
+            matrix, springs = rest.body.tangent(rest.node_displacement), self.held.springs
         values = matrix.values.numpy()
         values += shift * self.mass.data[:, None, None] * np.eye(3)
         if rest is not None and rest.law == Law.LINEAR:
-            points = element_points(rest.order)
-            H = displacement_gradients(grid, rest.node_displacement, points)
-            values += stress_stiffness(grid, linear_stress(H, self.body.material)).values.numpy()
+            values += rest.stressed.values.numpy()
         matrix.values.assign(values)
         if rest is not None:
             lies = rest.node_displacement * (rest.law != Law.LINEAR)
             following = FollowingLoads(self.mesh, grid.space, self.tractions, self.held.fixed)
             add_blocks(matrix, *following.stiffness(lies))
-        apply_supports(matrix, self.held.fixed, self.held.springs)
+        apply_supports(matrix, self.held.fixed, springs)
         return matrix
 
     def weigh(self, x: np.ndarray) -> np.ndarray:
@@ -283,7 +275,7 @@ class ModalMethod:
         if law not in (None, *self.laws):
             raise UsageError("modal.small_vibrations", law=law)
         order = order or (2 if factor_fits(scene.mesh) else 1)
-        options = {"supports": scene.held, "order": order, "device": device}
+        options: dict[str, Any] = {"supports": scene.held, "order": order, "device": device}
         modes = natural_modes(scene.mesh, scene.modes, **options)
         if order == 1:
             return modes
@@ -431,11 +423,12 @@ MOST_OPERATIONS = 1e12
 class ConstrainedInverse(NamedTuple):
     """``stiffness`` [N/m] with supports, and what ``solve`` finds for forces (nodes, 3) [N].
 
-    Those must be zero where it is held.
+    Those must be zero where it is held. A ``direct`` one is by a factor, and its solves are cheap.
     """
 
     stiffness: BlockMatrix
     solve: Callable[[np.ndarray], np.ndarray]
+    direct: bool = True
 
 
 def constrained_inverse(
@@ -455,4 +448,4 @@ def constrained_inverse(
     if not rough:
         return None
     known = {"points": space.nodes, "fixed": held.fixed, "edges": space.edges}
-    return ConstrainedInverse(matrix, rough_inverse(matrix, tolerance=rough, **known))
+    return ConstrainedInverse(matrix, rough_inverse(matrix, tolerance=rough, **known), direct=False)

@@ -141,11 +141,13 @@ def backtrack(objective: Objective, u: Any, step: Any, here: Point) -> tuple[Any
     if not (np.isfinite(slope) and slope < 0):
         return None
     fraction = min(1.0, objective.longest_step(u, step))
+    # A quadratic energy does not show a step below the root of round-off: its residual does
+    unseen = inner_product(step, step) <= np.finfo(float).eps * inner_product(u, u)
     for _ in range(HALVINGS):
         trial = u + fraction * step
         there = objective.evaluate(trial)
         change = there.energy - here.energy
-        unclear = abs(change) <= ENERGY_NOISE * max(abs(here.energy), -slope)
+        unclear = unseen or abs(change) <= ENERGY_NOISE * max(abs(here.energy), -slope)
         if change <= SUFFICIENT * fraction * slope or (unclear and there.residual < here.residual):
             return trial, there
         fraction /= 2
@@ -360,7 +362,7 @@ def solve_nonlinear(
         size = float(np.linalg.norm(np.ptp(nodes, axis=0)))
         force = float(np.abs(load.sum(axis=0)).max()) or scale
         dt = FALL_SHARE * float(np.sqrt(size * mass.sum() / force))
-        known = {"mass": mass, "fixed": held.fixed, "dt": dt}
+        known: dict[str, Any] = {"mass": mass, "fixed": held.fixed, "dt": dt}
         minimum = relax(potential, u, **known, **options)
         for _ in range(FROZEN if following else 0):
             potential.load = load + following.force(minimum.u) - following.force(0 * u)

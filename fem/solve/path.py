@@ -41,6 +41,9 @@ STEPS, MOST_FACTORS, LEAST_FACTORS, BUDGET = 12, 250, 30, 1e12
 EASY, GROWTH, SHORTER = 8, 3.0, 0.4
 # A step of Newton below this share of the displacement is the last: the next would be its square.
 SMALL = 1e-6
+# Where a torque turns: steps of GMRES, a solve each, and unknowns up to which the tangent may be
+# indefinite, since a stable body's may be where forces have no energy.
+KRYLOV, INDEFINITE = 30, 30_000
 # A step has left the path where it is longer than by the rates of both its ends, or where a body
 # that grew softer is harder at once.
 LEAP, HARDER = 1.25, 0.5
@@ -55,8 +58,12 @@ POINTS = 3
 # and below more where the softest way takes this share of the work of the load: tangents fall much
 # faster than linearly to where a path turns back.
 CHANGE, FOLLOWED, FOLLOWED_TURN, TURNS = 1e-4, 3.0, 15.0, 0.1
-# Vibrations that tell how near it is to buckling, found to this share in at most so many blocks.
-SLOWEST, SETTLED, MOST_BLOCKS = 6, 1e-2, 12
+# A body that moves so many times as far by a little of its load as it did at first, and less again
+# beyond, has buckled there, though its path goes on: a column that is not quite straight.
+KNEE = 3.0
+# Vibrations that tell how near it is to buckling, found to this share in at most so many blocks,
+# and the share of the work of the way that it pushes which is none of theirs.
+SLOWEST, SETTLED, MOST_BLOCKS, OWN = 6, 1e-2, 12, 1e-6
 # CG's relative residual where no factor is affordable.
 ROUGH = 1e-6
 
@@ -95,6 +102,7 @@ class Path:
         tolerance: float,
     ) -> None:
         self.body, self.mesh, self.held, self.following = body, mesh, held, following
+        self.turned = bool(following) and bool(following.turned)
         self.grid, self.points = body.grid, element_points(body.grid.space.order)
         self.goal, self.scale = tolerance * scale, scale
         self.prescribed = np.where(held.fixed, held.values, 0.0)
@@ -123,7 +131,7 @@ class Path:
         return H.swapaxes(-1, -2) @ H / 2
 
     def tangent(
-        self, u: np.ndarray, fraction: float, beyond: np.ndarray | None
+        self, u: np.ndarray, fraction: float, beyond: np.ndarray | None, *, definite: bool = True
     ) -> tuple[ConstrainedInverse, np.ndarray]:
         """Inverse of the held tangent [N/m] at ``u`` under a load, and the push of all of it [N].
 
@@ -139,9 +147,16 @@ class Path:
             matrix.values.assign(values)
         push = self.load(u) - (matrix.times(self.prescribed) if self.prescribed.any() else 0.0)
         apply_supports(matrix, self.held.fixed, self.held.springs)
+        push = np.where(self.held.fixed, 0.0, push)
+        if not definite:
+            from scipy.sparse.linalg import splu
+
+            factor = splu(matrix.to_scipy().tocsc())
+            solve = lambda f: factor.solve(f.ravel()).reshape(f.shape)  # noqa: E731
+            return ConstrainedInverse(matrix, solve), push
         inverse = constrained_inverse(matrix, self.grid.space, self.held, rough=ROUGH)
         assert inverse is not None  # it may be rough
-        return inverse, np.where(self.held.fixed, 0.0, push)
+        return inverse, push
 
     def free_tangent(self, u: np.ndarray, fraction: float) -> BlockMatrix:
         """Tangent [N/m] at ``u`` under a load, without supports."""
@@ -150,6 +165,36 @@ class Path:
             i, j, blocks = self.following.stiffness(u)
             add_blocks(matrix, i, j, fraction * blocks)
         return matrix
+
+    def solved(
+        self, inverse: ConstrainedInverse, force: np.ndarray, u: np.ndarray, fraction: float
+    ) -> np.ndarray:
+        """What a ``force`` [N] adds to ``u`` [m], with what torques that turn have of stiffness.
+
+        That is not in the tangent, whose ``inverse`` preconditions GMRES here: without it Newton
+        creeps from a radian on.
+        """
+        if not self.turned:
+            return inverse.solve(force)
+        from scipy.sparse.linalg import LinearOperator, gmres
+
+        def nodal(v: np.ndarray) -> np.ndarray:
+            return np.asarray(v, dtype=float).reshape(-1, 3)
+
+        def times(flat: np.ndarray) -> np.ndarray:
+            v = nodal(flat)
+            h = CHANGE * np.abs(u).max() / np.abs(v).max() if u.any() and v.any() else 0.0
+            turned = inverse.stiffness.times(v)
+            if h:
+                ahead, behind = (self.following.torques(u + s * v) for s in (h, -h))
+                turned -= np.where(self.held.fixed, 0.0, fraction * (ahead - behind) / (2 * h))
+            return turned.ravel()
+
+        solve = lambda v: inverse.solve(nodal(v)).ravel()  # noqa: E731
+        first, shape = inverse.solve(force), (force.size, force.size)
+        whole, before = LinearOperator(shape, times), LinearOperator(shape, solve)
+        told = {"x0": first.ravel(), "M": before, "rtol": SMALL, "restart": KRYLOV, "maxiter": 1}
+        return gmres(whole, force.ravel(), **told)[0].reshape(-1, 3)
 
     def newton(
         self,
@@ -172,10 +217,12 @@ class Path:
                 try:  # what is taken off may be too much
                     inverse, push = self.tangent(u, fraction, None)
                 except NotPositive:
-                    raise _Failed from None
-            step = inverse.solve(rest)
+                    if not self.turned or u.size > INDEFINITE:
+                        raise _Failed from None
+                    inverse, push = self.tangent(u, fraction, None, definite=False)
+            step = self.solved(inverse, rest, u, fraction)
             if along is not None:
-                more = inverse.solve(push) + self.prescribed
+                more = self.solved(inverse, push, u, fraction) + self.prescribed
                 change = -float((along * step).sum() / (along * more).sum())
                 step, fraction = step + change * more, fraction + change
             u, beyond = u + step, self.square(step)
@@ -187,7 +234,7 @@ class Path:
             logger.debug("Newton %d at %.5f of the load: %.2e N left", iteration, fraction, size)
             if moved <= SMALL * largest or size <= self.goal:
                 self.residual = size / self.scale
-                rate = inverse.solve(push) + self.prescribed
+                rate = self.solved(inverse, push, u, fraction) + self.prescribed
                 return Rest(float(fraction), u, rate), iteration + 1
         raise _Failed
 
@@ -261,6 +308,8 @@ class Path:
                 # It turns back where the slope of the load over the path would be zero
                 rise = slope**2 * way / (2 * (before - slope)) if before > slope else np.inf
                 if failures > CERTAIN and min(rise, slope * step) < NEAR * here.fraction:
+                    if self.turned:
+                        raise ConvergenceError("path.torque") from None
                     self.turns = rise < slope * step
                     self.end = here.fraction + min(rise, slope * step / 2)
                     return
@@ -279,7 +328,8 @@ class Path:
                 inverse, _ = self.tangent(rest.u, rest.fraction, None)
                 break
             except NotPositive:
-                continue
+                if self.turned:
+                    raise ConvergenceError("path.torque") from None
         else:
             raise ConvergenceError("path.no_start")
         mass = np.where(free, lumped_mass(self.mesh, self.grid.space)[:, None], 0.0).reshape(-1, 1)
@@ -309,8 +359,9 @@ class Path:
     def load_factor(self) -> LoadFactor:
         """Multiple of the load at which the rest under all of it would go on to buckle or snap.
 
-        By what the load takes off the stiffness of the slowest vibrations; where that says that it
-        is near, by following the path there: a tangent falls faster than linearly to a snap.
+        By what the load takes off the stiffness of the slowest vibrations and of the way that it
+        pushes, which may be none of them (a balloon's); where that says that it is near, by
+        following the path there: a tangent falls faster than linearly to a snap.
         """
         rest = self.rests[-1]
         ahead = self.free_tangent(rest.u + CHANGE * rest.rate, rest.fraction + CHANGE)
@@ -318,6 +369,11 @@ class Path:
         pairs = self.slowest_modes()
         values = pairs.values[:SLOWEST]
         x = pairs.vectors(len(values)) * np.sqrt(np.abs(values))  # x . K x is one
+        way = np.where(self.held.fixed, 0.0, rest.rate).reshape(-1, 1)
+        own = way - x @ (x.T @ _each(here.times, way))
+        whole, hard = ((v * _each(here.times, v)).sum() for v in (way, own))
+        if hard > OWN * whole:
+            x = np.hstack([x, own / np.sqrt(hard)])
         falls = x.T @ (_each(here.times, x) - _each(ahead.times, x)) / CHANGE
         rates, along = np.linalg.eigh((falls + falls.T) / 2)
         shape_of_all = (x @ along[:, -1]).reshape(-1, 3)
@@ -329,13 +385,21 @@ class Path:
         work = float((shape_of_all * self.load(rest.u)).sum())
         turns = work**2 > TURNS * float((rest.rate * self.load(rest.u)).sum())
         goal = rest.fraction * (FOLLOWED_TURN if turns else FOLLOWED)
-        if factor < goal:
+        if self.turned and factor < FOLLOWED:
+            raise ConvergenceError("path.torque")
+        passed = False
+        if factor < goal and not self.turned:
             try:
                 self.follow_arc(goal)
-                factor = self.end if np.isfinite(self.end) else max(factor, self.rests[-1].fraction)
             except ConvergenceError as error:
-                logger.info("the estimate of the load factor stays: %s", error)
-        return LoadFactor(factor, shape / np.linalg.norm(shape, axis=1).max())
+                logger.info("the path was not followed to %g times the load: %s", goal, error)
+            passed = bool(np.isinf(self.end) and self.rests[-1].fraction > factor)
+            factor = float(np.fmin(self.end, max(factor, self.rests[-1].fraction)))
+        rates = np.array([np.linalg.norm(rest.rate) for rest in self.rests])
+        softest = int(rates.argmax())
+        if np.isinf(self.end) and softest < len(rates) - 1 and rates[softest] > KNEE * rates[0]:
+            factor, passed = self.rests[softest].fraction, False  # it gives way there, and goes on
+        return LoadFactor(factor, shape / np.linalg.norm(shape, axis=1).max(), passed=passed)
 
 
 def _each(of: Callable[[np.ndarray], np.ndarray], x: np.ndarray) -> np.ndarray:

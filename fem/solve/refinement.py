@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Int
@@ -43,7 +43,7 @@ def refine_scene(scene: Scene, goal: float, *, device: str = "cpu") -> Refined:
 
     Raises ConvergenceError: If a body of the series is not held.
     """
-    loads = {
+    loads: dict[str, Any] = {
         "gravity_vector": scene.gravity_vector,
         "traction": scene.tractions,
         "forces": scene.forces,

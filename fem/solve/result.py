@@ -6,13 +6,21 @@ A method of solution returns one of the three, whichever way it found it.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from ..elements.elastic import ElasticBody, von_mises
-from ..elements.space import Space
+from ..elements.assembly import BlockMatrix
+from ..elements.elastic import (
+    ElasticBody,
+    displacement_gradients,
+    linear_stress,
+    stress_stiffness,
+    von_mises,
+)
+from ..elements.space import Space, element_points
 from ..linalg.solver import Inverse
 from ..mesh import TetMesh, material_of
 from ..note import Note
@@ -84,10 +92,19 @@ class LoadFactor(NamedTuple):
     """Multiple ``value`` [1] of the load at which a body buckles, and the ``shape`` it then takes.
 
     The shape (points, 3) has a largest displacement of one; infinity stands for more than 1000.
+    The value is about (1 + ``error``) times that of the body, by its mesh; nan: not estimated.
+    Where it was ``passed`` the body was seen to stand there, and its factor is more than that.
     """
 
     value: float
     shape: np.ndarray
+    error: float = np.nan
+    passed: bool = False
+
+    @property
+    def bound(self) -> float:
+        """Error [1] that is hardly exceeded; nan: not estimated."""
+        return SAFETY * self.error
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,6 +179,13 @@ class StaticResult:
     def von_mises(self) -> Float[np.ndarray, "tets"]:
         """Von Mises stress [Pa] of every tet."""
         return von_mises(self.stress)
+
+    @cached_property
+    def stressed(self) -> BlockMatrix:
+        """What the stress of a linear rest adds to its stiffness [N/m]: nobody may change it."""
+        grid = self.body.grid
+        H = displacement_gradients(grid, self.node_displacement, element_points(self.order))
+        return stress_stiffness(grid, linear_stress(H, self.body.material))
 
     @property
     def locking_fraction(self) -> float:

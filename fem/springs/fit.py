@@ -15,12 +15,14 @@ from ..mesh import material_of
 from ..note import Note
 from ..solve.method import FrameProgress
 from .body import SpringBody
-from .method import COST, PATIENCE
+from .method import COST
 from .motion import network_frequencies
 from .network import SOFTEST, SpringNetwork, stiffened
 
 # A network that should ring so many times faster has pieces that turn freely: no k mends that.
 LOOSE = 1e3
+# A fit that takes longer [s] is refused.
+PATIENCE = 3600.0
 # Gauss-Newton on log k and its profile: difference, longest step, shortest step, and most steps. It
 # ends where the square of the error falls, or would, by less than a fraction. Derivatives serve
 # while a step gains about what they promise, and learn from it (Broyden).

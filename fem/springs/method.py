@@ -20,7 +20,7 @@ from .network import SOFTEST, stiffened
 # CPU time of half a spring and step [s]: 3.3 to 5 ns were measured, on a busy machine more.
 COST = 6e-9
 # A run that takes longer [s] is refused.
-PATIENCE = 3600.0
+PATIENCE = 600.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,8 +62,8 @@ class SpringMethod:
     ) -> MotionResult:
         """Follow the scene for its duration.
 
-        Raises UsageError: Where an obstacle is no plane, the run would take hours, a GPU is asked
-            for, or a ``law`` or an ``order``: these are for elements.
+        Raises UsageError: Where an obstacle is no plane, the run would take ten minutes, a GPU is
+            asked for, or a ``law`` or an ``order``: these are for elements.
         Raises ConvergenceError: Where the steps turn out unstable.
         """
         if law is not None or order is not None:
@@ -81,7 +81,7 @@ class SpringMethod:
                 "method.springs_stiff",
                 longest_step=motion.longest_step,
                 steps=steps,
-                seconds=seconds / 3600,
+                minutes=seconds / 60,
             )
         count = len(motion.network.anchors.x)
         plan = Note("method.anchors_springs", count=count, springs=springs, steps=steps)

@@ -78,7 +78,7 @@ def skin_of(mesh: trimesh.Trimesh | PlainMesh) -> Skin:
         return lambda faces, weights: colours[faces]
     if visual.kind == "vertex":
         corners = _unit(visual.vertex_colors)[mesh.faces]
-        return lambda faces, weights: np.einsum("nc,nck->nk", weights, corners[faces])
+        return lambda faces, weights: np.einsum("nc,nck->nk", weights, corners[faces])  # type: ignore
     if visual.kind != "texture":
         return lambda faces, weights: np.broadcast_to(GREY, (len(faces), 4))
     # Texture x factor x vertex colour, after glTF 2.0; an OBJ's texture replaces its colour.

@@ -154,15 +154,28 @@ class Arrays:
         return self._threads.limit(limits=1, user_api="blas")
 
 
+# atanh(erf(z / sqrt 2)) / z as a polynomial of z^2 for |z| < 5.4, beyond which erf is 1 in single
+# precision; a minimax fit to scipy's erf.
+_NEAR = 5.4
+_SERIES = (
+    0.797884269, 0.0363341462, -3.30242529e-05, -5.52741481e-05, 3.97417675e-06, -1.33789807e-07,
+    1.81407595e-09,
+)  # fmt: skip
+
+
 def gelu(x: Any, xp: Any = np) -> Any:
-    """GELU, x Phi(x), exact to 2e-7: erf by Abramowitz & Stegun 7.1.26 (numpy has none)."""
-    z = xp.abs(x) * 0.5**0.5
-    t = 1 / (1 + 0.3275911 * z)
-    series = 0 * t
-    for coefficient in (1.061405429, -1.453152027, 1.421413741, -0.284496736, 0.254829592):
-        series = (series + coefficient) * t
-    erf = xp.copysign(1 - series * xp.exp(-z * z), x)
-    return 0.5 * x * (1 + erf)
+    """GELU, x Phi(x), exact to 6e-7: numpy has no erf and a fast tanh."""
+    z = xp.clip(x, -_NEAR, _NEAR)
+    square, phi = z * z, 0 * z + _SERIES[-1]
+    for coefficient in _SERIES[-2::-1]:
+        phi *= square
+        phi += coefficient
+    phi *= z
+    phi = xp.tanh(phi)
+    phi += 1
+    phi *= x
+    phi *= 0.5
+    return phi
 
 
 def packaged_weights() -> Path:

@@ -31,7 +31,7 @@ class OpenClip:
         self, model: str = MODEL, pretrained: str = PRETRAINED, *, device: str = "cpu"
     ) -> None:
         try:
-            import open_clip  # type: ignore[import-not-found]  (an extra)
+            import open_clip  # (an extra)
         except ImportError as error:
             raise InputError("openclip.encoder_openclip", name=error.name) from error
         weights = _weights_file(open_clip, model, pretrained)

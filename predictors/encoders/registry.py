@@ -53,7 +53,7 @@ def load_encoder(name: str = "embedded") -> ImageEncoder:
     check_encoder(name)
     kind, _, weights = name.partition(":")
     member = ENCODERS[kind]
-    return member.with_weights(weights) if weights else member()  # type: ignore[attr-defined]
+    return member.with_weights(weights) if weights else member()  # type: ignore
 
 
 def speaking_encoder(name: str = "embedded") -> Encoder:

@@ -220,7 +220,7 @@ class FineStage(nn.Module):
         self.head = nn.Conv3d(width, 3, 1)
         for layer in (self.keys, self.head):
             nn.init.zeros_(layer.weight)
-            nn.init.zeros_(layer.bias)  # type: ignore[arg-type]
+            nn.init.zeros_(layer.bias)  # type: ignore
 
     def forward(
         self, scene: VoxelScene, coarse: CoarseOutput, slots: Tensor, says: Tensor

@@ -1,12 +1,14 @@
 """A thing in one piece divided by the clauses of a sentence, or left whole where that is unsure.
 
-Cut once by looks alone and once by the shells of its mesh too; what the network says of the two is
-averaged where they overlap. How sure it is of the whole object is on record; below ``WHOLE`` one
-material everywhere, that of the first clause, is right more often.
+Cut once by looks alone and once by the shells of its mesh too; what the network says of the two,
+and of the thing after a quarter turn (nobody knows its front), is averaged where they overlap. How
+sure it is of the whole object is on record; below ``WHOLE`` one material everywhere, that of the
+first clause, is right more often.
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -20,12 +22,12 @@ from ..encoders.registry import TextEncoder
 from ..matter import LOOK
 from ..text.clauses import Clause, Sentence
 from ..text.parts import known_parts, stem
-from .measures import measured
+from .measures import measured, quarter_turned
 from .network import RegionNetwork, Said, Words
 from .segment import largest_first, segment
 
 WHOLE = 0.5  # of the certainty: below it a thing stays in one piece
-FORCED = 6.0  # nats that giving each clause a region may cost, all in all
+FORCED = 2.0  # nats that giving each clause a region may cost, all in all
 NULL = 0.6  # of a region's share: from here the null clause wins, and nobody spoke of it
 _GREY = 0.6  # colour of what has none
 _LEAST = 1e-4  # of a share, for its logarithm
@@ -61,10 +63,29 @@ class Divided(NamedTuple):
     certainty: float
 
 
-def cut(cells: Int[np.ndarray, "n 3"], appearance: Appearance | None, up: UpAxis) -> Regions:
+def region_name(number: int) -> str:
+    """What the region of a number, from 1, is called as a part."""
+    return f"region {number}"
+
+
+def region_numbers(names: Sequence[str]) -> list[int] | None:
+    """Numbers of parts that are the regions of one thing, None where any is called otherwise."""
+    found = [re.fullmatch(r"region ([1-9]\d*)", name) for name in names]
+    numbers = [int(one[1]) for one in found if one]
+    return numbers if len({*numbers}) == len(names) else None
+
+
+def cut(
+    cells: Int[np.ndarray, "n 3"],
+    appearance: Appearance | None,
+    up: UpAxis,
+    *,
+    region: Int[np.ndarray, "n"] | None = None,
+) -> Regions:
     """Cut the cells of a thing, given by their indices on the grid, into regions.
 
     appearance: What is seen of them: without it only what is thick is told from what is thin.
+    region: That of each, where it was cut before.
     """
     at = tuple(cells.T)
     turned = np.rint(upright(cells.astype(float), up)).astype(int)
@@ -72,6 +93,8 @@ def cut(cells: Int[np.ndarray, "n 3"], appearance: Appearance | None, up: UpAxis
     looks = np.tile((_GREY, _GREY, _GREY, *PLAIN_FINISH), (len(cells), 1))
     if appearance is not None and appearance.colours is not None:
         looks[:, :3] = appearance.colours[at]
+    if region is not None:
+        return Regions(turned, looks, region, region, shells=False)
     plain = segment(turned, looks)
     if appearance is not None and appearance.shell is not None:
         if appearance.finish is not None:
@@ -137,8 +160,11 @@ def divide(
             votes = np.zeros((len(found.values), len(said) + 2), dtype=int)
             np.add.at(votes, (region, told), 1)  # -1 is the last
             of_region = np.array([*range(len(said) + 1), -1])[votes.argmax(axis=1)]
-        given = network.inputs(found, said, words=words, shells=shells, table=table, told=of_region)
-        shares.append(network(given)[region])
+        for seen in (found, quarter_turned(found)):
+            given = network.inputs(
+                seen, said, words=words, shells=shells, table=table, told=of_region
+            )
+            shares.append(network(given)[region])
     pair = regions.plain * (int(regions.region.max()) + 1) + regions.region
     _, first, of, size = np.unique(pair, return_index=True, return_inverse=True, return_counts=True)
     mean = np.mean([share[first] for share in shares], axis=0)

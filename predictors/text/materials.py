@@ -62,6 +62,7 @@ class ReaderLexicon:
         self._acronyms: set[Phrase] = set()
         self._row_words: dict[str, set[str]] = {}  # of the rows that were asked for
         self.listed: set[Phrase] = set()  # with a comma in them: "oak, willow"
+        self._designated: tuple[str, list[tuple[re.Match, Material]]] = "", []
         called = [(row, name) for row in table for name in (row.name, *row.aliases)]
         # A name may carry what tells it from its kin: "oak, willow (along grain)".
         called += [(row, re.sub(r"\s*\(.*?\)", "", row.name)) for row in table]
@@ -221,6 +222,13 @@ class ReaderLexicon:
             if row
         ]
 
+    def designated(self, text: str) -> list[tuple[re.Match, Material]]:
+        """Where a text has designations, each with its family's row; kept of the last text."""
+        if self._designated[0] != text:
+            found = [(m, row) for find, row in self.designations for m in find.finditer(text)]
+            self._designated = text, found
+        return self._designated[1]
+
 
 _KEPT: dict[int, ReaderLexicon] = {}
 
@@ -252,19 +260,18 @@ def named_materials(
         candidates = (_material(cut, i, size, text, lexicon, known, listed) for size in sizes)
         best = next((lexeme for lexeme in candidates if lexeme), None)
         if best:
-            part = best.words[-1] in known
+            part = best.words[-1] in known and not best.words[-1].isdigit()  # "PZT-4" of ring_4
             found.append(replace(best, part=part, names=best.names or best.words[-1:] * part))
     graded = [x for x in found if x.value.grade]
-    for pattern, row in lexicon.designations:
-        for m in pattern.finditer(text):
-            # "EN AW-6082 T6" has a row, and "EN AW-6082 T4" its family's.
-            own = (
-                x.value for x in graded
-                if m.start() <= x.start and x.end == m.end() and x.value.category == row.category
-                and not re.search(r"\d", text[m.start() : x.start])
-            )  # fmt: skip
-            value = next(own, row)
-            found.append(Lexeme(m[0], m.start(), m.end(), "material", value, (m[0].lower(),)))
+    for m, row in lexicon.designated(text):
+        # "EN AW-6082 T6" has a row, and "EN AW-6082 T4" its family's.
+        own = (
+            x.value for x in graded
+            if m.start() <= x.start and x.end == m.end() and x.value.category == row.category
+            and not re.search(r"\d", text[m.start() : x.start])
+        )  # fmt: skip
+        value = next(own, row)
+        found.append(Lexeme(m[0], m.start(), m.end(), "material", value, (m[0].lower(),)))
     return found
 
 

@@ -20,8 +20,8 @@ from ...fem.note import Note
 # Numbers in words as digits: "one point two", "two hundred and five", "10 million".
 
 DATA = tomllib.loads((Path(__file__).parent / "data/quantities.toml").read_text(encoding="utf-8"))
-_COUNTS: dict[str, int] = DATA["words"]
-_WORD = rf"(?i:{'|'.join(sorted(map(re.escape, _COUNTS), key=len, reverse=True))})"
+NUMBERS: dict[str, int] = DATA["words"]
+_WORD = rf"(?i:{'|'.join(sorted(map(re.escape, NUMBERS), key=len, reverse=True))})"
 _THEN = r"(?:(?:(?<=hundred)|(?<=thousand)) and |[ -])"
 _WORDS = re.compile(
     rf"(?<![\w-])({_WORD}(?:{_THEN}{_WORD})*)"
@@ -33,7 +33,7 @@ _FRACTION = re.compile(r"(?<=ratio )((?:of |is )?)(?i:(?:one|a) (third|quarter))
 
 def counted_by(text: str) -> int | None:
     """Return what digits or a word count, None where they count nothing: "4", "three"."""
-    return int(text) if text.isdigit() else _COUNTS.get(text.lower())
+    return int(text) if text.isdigit() else NUMBERS.get(text.lower())
 
 
 def in_digits(text: str) -> tuple[str, dict[int, int]]:
@@ -45,7 +45,7 @@ def in_digits(text: str) -> tuple[str, dict[int, int]]:
     starts = {at: start for start, end in found for at in range(start, end)}
 
     def power(match: re.Match) -> str:  # "10 million" -> "      10e6"
-        of_ten = round(math.log10(_COUNTS[match[2].lower()]))
+        of_ten = round(math.log10(NUMBERS[match[2].lower()]))
         return f"{match[1]}e{of_ten}".rjust(len(match[0]))
 
     def decimals(match: re.Match) -> str:  # as many as fit: "one third" -> "0.3333333"
@@ -54,7 +54,7 @@ def in_digits(text: str) -> tuple[str, dict[int, int]]:
 
     def digits(match: re.Match) -> str:  # "one point two" -> "          1.2"
         whole = _counted(re.findall(_WORD, match[1]))
-        after = [_COUNTS[word.lower()] for word in re.findall(_WORD, match[2] or "")]
+        after = [NUMBERS[word.lower()] for word in re.findall(_WORD, match[2] or "")]
         after = [5] if match[3] else after
         if whole is None or any(digit > 9 for digit in after):
             return match[0]
@@ -67,7 +67,7 @@ def _counted(said: list[str]) -> int | None:
     """What words count, "two hundred and five" 205; None where they are no one number."""
     total, run, below = 0, 0, 100
     for word in said:
-        n = _COUNTS[word.lower()]
+        n = NUMBERS[word.lower()]
         if n >= 1000:
             total, run, below = total + max(run, 1) * n, 0, 100
         elif n == 100 and run < 100:
@@ -98,7 +98,7 @@ _PREFIXES, _PREFIXED, _PLAIN = (DATA["units"][k] for k in ("prefixes", "prefixed
 
 
 def _any(words: Any) -> str:
-    return "|".join(sorted(map(re.escape, words), key=len, reverse=True))
+    return "|".join(sorted((re.escape(word) for word in words), key=len, reverse=True))
 
 
 _ATOM = (
@@ -125,9 +125,9 @@ _GAP = r"[\s:=,-]*(?:(?:of|is|about|around|approx\.?|~)\s*)*"
 _SHORE = re.compile(
     rf"(?<!\w)(?:(?:(?i:hardness)\s*(?:of\s*)?)?{_HARD}[\s-]*(?P<s1>[ADad](?!\w))?"
     rf"(?:[ -]?(?i:hardness))?{_GAP}(?P<n1>\d{{1,3}})\s?°?(?:\s?[-(]?(?P<s2>[ADad])\b\)?)?"
-    rf"(?:\s?(?i:shore))?(?![\w%]|\.\d)"
+    rf"(?:\s?(?i:shore))?(?![\w%]|\.\d| ?(?:mm|cm|kg|°))"
     rf"|(?i:hardness){_GAP}(?P<n4>\d{{1,3}})\s?°?\s?(?P<s6>[AD])(?!\w)"
-    rf"|(?<!\d-)(?P<n2>\d{{1,3}})(?:\s?(?:±|\+/-)\s?\d+)?\s?°?\s?-?(?P<s3>[ADad])?\s?-?"
+    rf"|(?<!\d-)(?P<n2>\d{{1,3}})(?:\s?(?:±|\+/-)\s?\d+)?\s*°?\s?-?(?P<s3>[ADad])?\s?-?"
     rf"(?:on the )?{_HARD}(?:\s(?i:shore))?(?:[\s-]*(?P<s4>[AD])(?!\w))?(?: scale)?(?!\w)"
     rf"|(?P<n3>(?:10|[1-9])\d)(?:-?(?P<s5>[ADad])| (?P<s7>[AD]))(?![\w-]))"
 )
@@ -138,10 +138,12 @@ _SHORE_OTHER = re.compile(
 )
 
 _FIBRES = r"(?P<fibre>(?i:glass|carbon)|GF|CF)(?:[ -](?i:fib(?:re|er)s?))?"
+_PERCENT = r"(?:%|(?i:per ?cent|pct\.?))"
 _BLEND = re.compile(
-    rf"(?P<share>\d\d?)\s?%\s?(?i:short )?{_FIBRES}"
+    rf"(?P<share>\d\d?)\s?{_PERCENT}\s?(?i:short )?{_FIBRES}"
     rf"(?:[ -](?i:filled|reinforced|loaded|content))?(?!\w)"
-    rf"|(?i:(?:with )?(?P<share3>\d\d?)\s?%(?: short| long| chopped| milled)? glass(?=\W|$))"
+    rf"|(?i:(?:with )?(?P<share3>\d\d?)\s?{_PERCENT}(?: (?:short|long|chopped|milled))?"
+    r" glass(?=\W|$))"
     rf"|[- ]?(?P<fibre2>GF|CF)[ -]?(?P<share2>[1-6]\d)(?!\d)"
     rf"|(?:(?<=[A-Z0-9])[- ]|(?<= )-)(?P<fibre5>GF|CF)(?![\w-]| ?\d)"
     rf"|{_FIBRES.replace('fibre>', 'fibre4>')}[ -](?i:filled|reinforced|loaded)(?!\w)(?= (?!with))"
@@ -153,10 +155,20 @@ _FOAM_CODE = re.compile(DATA["codes"]["rho"])
 _TEMPERATURE = re.compile(
     rf"(?P<sign>[-−])?(?P<n>{_NUMBER})\s?(?:[°º]\s?|(?i:deg(?:rees?)?)\s?)(?P<scale>[CFcf])(?:elsius|ahrenheit)?(?!\w)"
 )
+# Of gold and of stones, no count: "9 karat gold", "a 2 ct stone".
+_FINENESS = re.compile(r"(?<![\w.,])\d{1,2}(?:[.,]\d+)?[ -]?(?i:ct|carats?|karats?)(?!\w)")
+# Of a temperature that a thing bears, or is made at, and a text that asks for the usual values.
+_LIMIT = re.compile(
+    r"(?i)(?:max(?:\.|imum)?|min(?:\.|imum)?|up to|t_?max|design|qualif\w+|rat(?:ed|ing)|service"
+    r"|limit|fill|autoclaved?|set|softens|melts|cured?|Tg|Af)(?: temp\w*\.?)?(?: at| to| of)?[ :=]*"
+    r"(?:[-−\d/+. ]+)?$"
+)
+_AT_ROOM = re.compile(r"(?i)(?:room[ -]temp\w*|RT|2[03] ?°? ?C) values|values at (?:RT|room)")
 ROOM = (0.0, 50.0)  # degrees Celsius between which handbooks' values of solids hold
 USUAL_SHARE = 0.3  # of fibres, by weight, where none is said: the grade most sold (GF30)
 GRAVITY = 9.80665  # m/s^2: a weight of a volume [N/m^3] to its density
 _FIBRE_ROWS = {"g": "E-glass fibre", "c": "CFRP (along fibre)"}
+_LOADED = re.compile(r"(?i)pressure|load|force|torque|snow|wind")
 # Numbers without a unit that can be only one thing: an E in Pa, a density in kg/m^3 or in g/cm^3.
 _BARE = {
     "E": ((1e4, 2e12, 1.0, "Pa"),),
@@ -196,13 +208,16 @@ def numerals(text: str) -> list[Numeral]:
 
 
 def _special(text: str) -> Iterator[Numeral]:
-    """Temperatures, triples as programs write them, shares of fibres, hardnesses."""
+    """Temperatures, fineness, triples as programs write them, shares of fibres, hardnesses."""
     for match in _TEMPERATURE.finditer(text):
         degrees = number(match["n"]) * (-1 if match["sign"] else 1)
         celsius = degrees if match["scale"] in "Cc" else (degrees - 32) / 1.8
         odd = not ROOM[0] <= celsius <= ROOM[1]
-        note = Note("numerals.used_values", match=match[0]) if odd else ""
+        limit = _LIMIT.search(text[: match.start()]) or _AT_ROOM.search(text)
+        note = Note("numerals.used_values", match=match[0]) if odd and not limit else ""
         yield Numeral(*match.span(), None, note)
+    for match in _FINENESS.finditer(text):
+        yield Numeral(*match.span(), None)
     for match in _SKIN.finditer(text) if _PRINTED.search(text) else ():
         width = 1e-3 * number(match["w"] or match["t"] or "0") or LINE
         skin = Quantity("skin", int(match["n"] or 1) * width, match[0])
@@ -219,7 +234,10 @@ def _special(text: str) -> Iterator[Numeral]:
         fibre = group["fibre"] or group["fibre2"] or group["fibre4"] or group["fibre5"] or "glass"
         share = group["share"] or group["share2"] or group["share3"]
         note = "" if share else Note("numerals.share_said", match=match[0], usual_share=USUAL_SHARE)
-        blend = Blend(_FIBRE_ROWS[fibre[0].lower()], int(share) / 100 if share else USUAL_SHARE)
+        row = _FIBRE_ROWS[fibre[0].lower()]
+        if fibre.lower() == "carbon" and not re.search(r"(?i)fib|reinforced", match[0]):
+            row = "graphite"  # "25 % carbon filled": a powder
+        blend = Blend(row, int(share) / 100 if share else USUAL_SHARE)
         yield Numeral(*match.span(), blend, note)
     for match in _FOAM_CODE.finditer(text):
         said = Quantity("rho", float(match["rho"]), match["code"])
@@ -276,6 +294,8 @@ def _read(match: re.Match, *, cued: bool) -> Numeral | None:
     if measure == "other" and dimension == "size":
         return Numeral(start, end, None)  # "l = 20 mm"
     if measure == "other" or not value > 0:
+        if _LOADED.search(said):
+            return Numeral(start, end, None, Note("lexing.load_text", load=said))
         return Numeral(start, end, None, Note("numerals.used", said=said))
     if re.search(rf"(?i)(?<!\w)(?:{_BOUND})(?!\w)", match[0][: match.start("low") - start]):
         note = Note("numerals.bound_value", said=said)
@@ -289,6 +309,9 @@ def _read(match: re.Match, *, cued: bool) -> Numeral | None:
         value, note = value * scale, Note("numerals.unit_taken", said=said, unit=unit)
     if measure == "rho" and value < 10 and re.fullmatch(r"\d{1,3}\.\d{3}", group["low"]):
         value, note = 1e3 * value, Note("numerals.point_taken", said=said)
+    if measure == "E" and dimension and 1e3 * value < _MOST["E"] and value < 1e9:
+        if re.fullmatch(r"\d{1,3}\.000", group["low"]):  # "210.000 N/mm2"
+            value, note = 1e3 * value, Note("numerals.point_taken", said=said)
     if value > _MOST.get(measure, math.inf) and re.fullmatch(r"\d{1,3},\d{3}", group["low"]):
         value, note = value / 1e3, Note("numerals.comma_taken", said=said)
     if measure == "infill" and dimension is None:
@@ -343,7 +366,7 @@ def _atom(written: str) -> str:
     small = name.lower()
     if small in _PLAIN:
         return f"({_PLAIN[small]})^{power}"
-    for stem in sorted(_PREFIXED, key=len, reverse=True):
+    for stem in sorted(map(str, _PREFIXED), key=len, reverse=True):
         prefix = small.removesuffix(stem)
         if small.endswith(stem) and (prefix in _PREFIXES or not prefix):
             # An m is mega of Pa and psi, as careless hands write it, else milli.
@@ -357,7 +380,7 @@ def _registry() -> Any:
     from pint import UnitRegistry
 
     # Its own list of units takes longer to read than any text.
-    registry = UnitRegistry(None)  # pyright: ignore[reportArgumentType]
+    registry = UnitRegistry(None)
     for definition in DATA["definitions"]["units"]:
         registry.define(definition)
     return registry

@@ -26,6 +26,7 @@ from .lexing import (
     Lexed,
     Lexeme,
     bare_numbers,
+    finer,
     is_hue,
     join_comparisons,
     lex,
@@ -38,7 +39,7 @@ from .lexing import (
 )
 from .materials import SHORT, ReaderLexicon, lexicon_of
 from .numerals import Blend, Comparison, Quantity, counted_by
-from .parts import known_parts, part_words, places
+from .parts import known_parts, part_name_words, part_words, places
 
 LONGEST = 4000  # characters: a page of notes; a book is a mistake
 _GROUPED = (
@@ -61,16 +62,21 @@ def parse(text: str, table: MaterialTable, names: Sequence[str] = ()) -> Sentenc
     lexicon, text = lexicon_of(table), without_tables(text, names)
     lexed = lex(text, lexicon, names)
     lexed.lexemes = point_back(one_of(lone_grades(bare_numbers(lexed.lexemes))))
-    lexed.lexemes = same_again(lexed.lexemes, lexicon)
+    lexed.lexemes = finer(same_again(lexed.lexemes, lexicon), lexicon)
     cascade = Cascade(list(_tokens(join_comparisons(lexed.lexemes), lexicon)), lexicon)
-    left = cascade.run()
+    left = _numbers_joined(cascade.run(), lexed.lexemes)
+    for draft in left:
+        take_state(draft, lexed.lexemes, lexicon)
     told = {name for draft in left if draft.says for name in draft.names}
     for draft in left:
         if draft.named and not draft.says and not told & {*draft.names}:
             take_strange(draft, lexed.lexemes)
     drafts = [draft for draft in left if draft.says]
+    mute = [name for draft in left if draft.named and not draft.says for name in draft.names]
     _tell_compounds(lexed.lexemes, drafts)
+    take_caption(drafts, lexed.lexemes)
     settle(drafts, lexed)
+    drafts += _filled(drafts, names, lexicon)
     unread = unread_lexemes(drafts, lexed, cascade.dropped)
     tell(unread, drafts, lexed.lexemes)
     clauses = tuple(clause_of(text, draft, lexicon) for draft in drafts)
@@ -98,7 +104,24 @@ def parse(text: str, table: MaterialTable, names: Sequence[str] = ()) -> Sentenc
         tuple(x.text for x in unread),
         tuple(notes),
         _first_phrase(lexed.lexemes, {*grammar()["signs"], "sign"} - {"word"}),
+        tuple(dict.fromkeys(mute)),
     )
+
+
+def _numbers_joined(drafts: Sequence[Draft], lexemes: Sequence[Lexeme]) -> list[Draft]:
+    """Drafts, with numbers of what is no part joined to the part before: "the maker says ..."."""
+    out = list(drafts[:1])
+    for draft in drafts[1:]:
+        alone = draft.numbers and not (draft.named or draft.material or draft.unknown)
+        here, after = ([x.start for x in each.lexemes] for each in (out[-1], draft))
+        joins = alone and draft.names and out[-1].named and out[-1].says and here and after
+        stops = (x.start for x in lexemes if x.role == "stop")
+        if joins and not any(max(here) < at < min(after) for at in stops):
+            out[-1].add(draft)
+            out[-1].lexemes += draft.lexemes
+        else:
+            out.append(draft)
+    return out
 
 
 def read_sentence(text: str, labels: Sequence[Sequence[str]], table: MaterialTable) -> Bound:
@@ -161,7 +184,10 @@ def _is_grouped(lexemes: Sequence[Lexeme], i: int, start: int) -> bool:
     if lexeme.role == "coat" and role in ("with", "of"):
         return bool(run) and run[-1].end == lexeme.start  # "leather-covered in ..."
     if lexeme.role == "word" and lexeme.tag.startswith("V") and lexeme.known:
-        return bool(run) and lexeme.dep == "amod" and role in ("material", "word")
+        if lexeme.tag == "VB" and run and run[-1].role == "material" and lexemes[i + 1 : i + 2]:
+            return lexemes[i + 1].part  # "a brass stop tap"
+        said = bool(run) and role in ("material", "word") and lexemes[i + 1].tag[:2] in ("NN", "JJ")
+        return said and lexeme.tag in ("VBN", "VBG")
     return lexeme.role in _GROUPED
 
 
@@ -181,9 +207,10 @@ def _groups(
     for group in groups_of(run, lexicon, owes=owes, opens=opens):
         part = group.part
         side = part[-1:] and part[-1] in places() and not group.named
+        side = side or (len(part) > 1 and {*part} <= places())  # "the back left one"
         if last and part and all(word.isdigit() for word in part):  # "leg 1, 2"
             part = (*(word for word in last if not word.isdigit()), *part)
-        elif last and side and not (group.values and part[-1] in known_parts()):
+        elif last and side and not (group.values and known_parts() & {*part[-1:]}):
             part = (*part, last[-1])  # "the second", but "a glass top"
         if part and part[-1] in words()["attributes"]["matter"] and after == "=":
             part = part[:-1]
@@ -356,6 +383,14 @@ def _unknown(_: Cascade, head: Draft, other: Draft) -> None:
     head.unknown = " ".join(x.text for x in other.lexemes if x.words)
 
 
+def _again(cascade: Cascade, head: Draft, other: Draft) -> None:
+    """Take what is said once more of the same, and tell what it is against: "it is wood"."""
+    one, two = head.material, other.material
+    if one and two and one.category != two.category and not (head.kind or other.kind):
+        head.notes.append(Note("reader.again", first=head.phrase, second=other.phrase))
+    head.add(other, instead=True)
+
+
 def _excluded(cascade: Cascade, head: Draft, other: Draft) -> None:
     other.rule_out(cascade.lexicon)
     _more(cascade, head, other)
@@ -371,10 +406,10 @@ _ROLES: dict[str, Callable[[Cascade, Draft, Draft], object]] = {
     "filling": _fill, "contents": _fill, "unknown": _unknown,
     "strange": _unknown, "stuff": _unknown,
     "excluded": _excluded,
-    "values": lambda _, head, other: head.add(other),
-    "made": lambda _, head, other: head.add(other),
-    "first": lambda _, head, other: head.add(other),
-    "instead": lambda _, head, other: head.add(other, instead=True),
+    **dict.fromkeys(
+        ("values", "made", "first", "unplaced"), lambda _, head, other: head.add(other)
+    ),
+    "instead": lambda _, head, other: head.add(other, instead=True), "again": _again,
     "compared": lambda _, head, other: head.compare_with((*other.names, tuple(other.said))[0]),
     "same": lambda _, head, other: setattr(head, "same", (*other.names, ())[0]),
     "exceptions": lambda _, head, other: head.exceptions.extend(other.names),
@@ -591,7 +626,7 @@ def _one_material(mentions: list[Mention], lexicon: ReaderLexicon) -> list[Menti
             # The later of two is the head; what the other says is told, but "steel St37".
             repeats = lexicon.repeats(last.value, last.lexeme.words, mention.value)
             # Or says more of it: "beech ply", "music wire A228", a colour.
-            beside = mention.lexeme.start - last.lexeme.end <= 1 and last.lexeme.dep != "punct"
+            beside = mention.lexeme.start - last.lexeme.end <= 1
             alike = last.value.category == mention.value.category and beside
             hue = last.lexeme.text.lower() in words()["hues"]["colours"]
             kin = repeats or alike or hue
@@ -685,7 +720,8 @@ class Draft:
     def add(self, other: Draft, *, instead: bool = False) -> None:
         """Take what another says of the same; its matter ``instead`` of the own."""
         if other.material and self.material and not (self.kind or self.own or instead):
-            self.left += [other.phrase] if other.material is not self.material else []
+            another = other.phrase and other.material is not self.material
+            self.left += [other.phrase] if another else []
         elif other.material:
             self.material, self.kind, self.phrase = other.material, other.kind, other.phrase
             self.own = other.own
@@ -718,10 +754,12 @@ class Draft:
 
     def like(self, other: Draft) -> None:
         """Take the matter of another; its own kind must not be against it."""
+        # "The same stuff, just orange", "the same alloy"
+        bare = self.phrase.lower() in (*words()["hues"]["colours"], *words()["attributes"]["empty"])
         if self.kind and self.material and other.material:
             if other.material.category != self.material.category:
                 return
-        elif self.material:
+        elif self.material and not bare:
             return
         self.material, self.phrase, self.kind = other.material, other.phrase, other.kind
         self.levels = {**other.levels, **self.levels}
@@ -745,6 +783,22 @@ class Draft:
             self.comparisons[-1] = replace(self.comparisons[-1], other=part)
 
 
+def take_caption(drafts: list[Draft], lexemes: Sequence[Lexeme]) -> None:
+    """Give a thing "of" what it shows the matter that comes next: "head of a horse. Marble."""
+    for head, after in pairwise([*drafts]):
+        shows = head.named and head.unknown and not (head.material or head.numbers)
+        if not (shows and after.material and after.scope == "none" and not after.named):
+            continue
+        first, last = head.lexemes[0].start, min(x.start for x in after.lexemes)
+        span = [x for x in lexemes if first < x.start < last]
+        of = any(x.role == "of" or x.text in ("a", "an", "the") for x in span)
+        if of and span[-1].role in ("stop", "comma") and not any(x.role == "is" for x in span):
+            head.unknown = ""
+            head.add(after)
+            head.lexemes += after.lexemes
+            drafts.remove(after)
+
+
 def settle(drafts: list[Draft], lexed: Lexed) -> None:
     """Give drafts that are "the same as" others the matter of these."""
     for i, draft in enumerate(drafts):
@@ -754,14 +808,55 @@ def settle(drafts: list[Draft], lexed: Lexed) -> None:
         others = [d for d in before if d.material or d.levels or d.numbers]
         head = draft.same[-1:]
         called = [d for d in others if any(name[-1:] == head for name in d.names)]
+        if head and not called and draft.names:  # "right bracket: same as left"
+            own = {*draft.same, draft.names[0][-1]}
+            called = [d for d in others if any(own <= {*name} for name in d.names)]
         alike = called if head else others[:1]
         if not alike and draft.material and head:  # "the lid is oak like the box"
             draft.names.append(draft.same)
         elif not alike:
             who = " ".join(draft.same) or Note("reader.came_before")
+            draft.unknown = draft.unknown or " ".join(draft.same)
             lexed.notes.append(Note("reader.same_nothing", who=who))
         for other in alike:
             draft.like(other)
+
+
+def _filled(drafts: Sequence[Draft], names: Sequence[str], lexicon: ReaderLexicon) -> list[Draft]:
+    """Give what fills a thing to the part that is called its filling: "a bear full of wool"."""
+    spoken = {name[-1] for draft in drafts for name in draft.names}
+    inner = {*words()["containers"]["inside"]} - spoken
+    called = [own for own in map(part_name_words, names) if own and own[-1] in inner]
+    filled = [draft for draft in drafts if draft.filling]
+    if not called or len(filled) != 1:
+        return []
+    loose = re.sub(r" \(.*", "", filled[0].filling or "")
+    row = lexicon.first_row([filled[0].filling or "", loose, f"{loose} stuffing"])
+    return [
+        Draft(
+            "parts", called, named=True, material=row, phrase=loose if row else "",
+            unknown="" if row else loose, lexemes=filled[0].lexemes,
+        )
+    ]  # fmt: skip
+
+
+def take_state(draft: Draft, lexemes: Sequence[Lexeme], lexicon: ReaderLexicon) -> None:
+    """Take for a food what it is by its state: "the potato is boiled", "the carrot is raw"."""
+    own = (draft.material.name, *draft.material.aliases) if draft.material and draft.own else ()
+    if not draft.named or (draft.material and not own) or draft.unknown or not draft.lexemes:
+        return
+    called = {*draft.names, *map(lexicon.phrase, own)}
+    after = (x for x in lexemes if x.start >= draft.lexemes[0].start)
+    for word in takewhile(lambda x: x.role not in ("stop", "comma"), after):
+        for name in called if word.role == "word" else ():
+            raw = word.text.lower() in ("raw", "uncooked")
+            row = lexicon.rows.get(name if raw else (word.text.lower(), *name))
+            if row:
+                draft.material, draft.own = row, False
+                draft.phrase = " ".join((word.text, *name))
+                draft.left = [said for said in draft.left if said != word.text]
+                draft.lexemes.append(word)
+                return
 
 
 def take_strange(draft: Draft, lexemes: Sequence[Lexeme]) -> None:
@@ -848,7 +943,10 @@ def clause_of(text: str, draft: Draft, lexicon: ReaderLexicon) -> Clause:
     end = max((x.end for x in draft.lexemes), default=0)
     names = tuple(dict.fromkeys(name for name in draft.names if name))
     liquid = lexicon.contents_called(draft.unknown.lower().split())
-    meant = lexicon.meant(draft.unknown.lower()) if not (draft.material or liquid) else ()
+    said = draft.unknown.lower()
+    noun = lexicon.model.is_word(said, ("noun",)) and lexicon.model.singular(said) == said
+    noun = noun and said[-2:] != "ss"  # "brasss"
+    meant = lexicon.meant(said) if not (draft.material or liquid or noun) else ()
     if meant and len(draft.unknown) > SHORT:
         draft.material, draft.phrase = lexicon.rows[meant], meant[0]
         draft.notes.append(Note("lexing.spelt", word=draft.unknown, near=meant[0]))
@@ -886,6 +984,7 @@ def clause_of(text: str, draft: Draft, lexicon: ReaderLexicon) -> Clause:
         at = next((x.start for x in draft.lexemes if x.text == draft.phrase), 0)
         before = text[max(at - _BEFORE, 0) : at].lower()
         stands = r"\b[ ,]+(?!rolled|dip|forged|worked|formed|pressed)(?:\w+ )?$"
+        states = {word for word in states if word in before}
         said = [word for word in sorted(states) if re.search(rf"\b{word}{stands}", before)]
         told += [Note("reader.used_values", word=word, phrase=draft.phrase) for word in said]
     after = re.split(r"[;.\n]", text[end:])[0]
@@ -922,13 +1021,13 @@ def _first_phrase(lexemes: Sequence[Lexeme], stops: Collection[str]) -> Phrase:
     What a participle says of the noun before it comes first: "a ball inflated with ...".
     """
     phrase, noun = list[str](), False
-    for lexeme in lexemes:
+    for lexeme, after in zip(lexemes, [*lexemes[1:], None], strict=False):
         before = lexeme.role == "coat" and not noun  # "a painted drum"
         if lexeme.role in stops and not before:
             if phrase and phrase[-1] != "image":  # "an image of a chair"
                 break
             phrase = []
-        elif phrase and lexeme.dep == "acl":
+        elif noun and lexeme.tag in ("VBN", "VBG") and after and after.tag == "IN":
             return (*lexeme.words, *phrase)
         else:
             phrase += lexeme.words

@@ -24,7 +24,7 @@ from jaxtyping import Float
 from ...fem.note import Note
 from ...fem.table import MaterialTable
 from ..encoders.minilm import MAX_TOKENS, MiniLM
-from .clauses import Bound, BoundPart, Clause, Sentence, Subject
+from .clauses import GENERAL, Bound, BoundPart, Clause, Sentence, Subject
 from .english import words as lists
 from .reader import parse
 
@@ -37,6 +37,8 @@ CLS, SEP = 101, 102  # tokens of BERT
 LONGEST_QUESTION = 96  # tokens; the names of more neighbours are left out
 _CUT = re.compile(r"(?<=[a-z])(?=[A-Z])|(?<=[^\W\d_])(?=\d)|(?<=\d)(?=[^\W\d_]{2})|[\W_]+")
 _NUMBER = re.compile(r"(?: \d+)+$")
+_DIGITS = re.compile(r"(?: \d+)+(?= \[SEP\])")
+_APART = re.compile(lists()["hedges"]["apart"])  # "two of the legs", "the third"
 
 
 @lru_cache(maxsize=4096)
@@ -118,10 +120,14 @@ class Tagger(MiniLM):
     def said(self, names: Sequence[str], text: str) -> list[Said]:
         """What a text says of each part, by their names."""
         encoded = self._tokenizer.encode(text, add_special_tokens=False)
+        said = {*re.findall(r"\d+", text)}
         if len(names) > _MANY:  # those that only a number tells apart are asked about once
-            said = {*re.findall(r"\d+", text)}
             names = [n if {*re.findall(r"\d+", n)} & said else _LAST.sub("", n) for n in names]
         questions = [question(names, i) for i in range(len(names))]
+        # So are fewer, by the first of them, of a text that tells none of them apart
+        alike: dict[str, str] = {}
+        if not said & {*re.findall(r"\d+", " ".join(questions))} and not _APART.search(text):
+            questions = [alike.setdefault(_DIGITS.sub("", q), q) for q in questions]
         asks = {q: self._tokenizer.encode(q, add_special_tokens=False).ids for q in questions}
         found = dict(zip(asks, self._roles([*asks.values()], encoded.ids), strict=True))
         words = [(m.start(), m.end()) for m in _WORD.finditer(text)]
@@ -213,6 +219,7 @@ def load_tagger() -> Tagger:
 # Least certainty of the tagger to be heard where the grammar is in doubt, where it is not, and to
 # be told where it is not heard; chosen on the eleventh set, on which neither had been made.
 LIKELY, SURE, TOLD = 0.6, 0.95, 0.6
+NEVER = 1.1  # in other languages what the lists read without a doubt is righter
 _DECIDING = ("matter", "number", "relation", "content")
 
 
@@ -238,9 +245,11 @@ def with_second_opinion(
         own = [clauses[k] for k in parts[i].clauses]
         words = _words(said, text)
         doubtful = not any(c.says_matter for c in own) or any(c.doubts or c.unknown for c in own)
-        wanted = LIKELY if doubtful else SURE
-        known = any(c.phrase.lower() == words.lower() for c in own)
-        if not words or known or said.certainty < (wanted if doubtful else TOLD):
+        doubtful = doubtful or (bool(language) and not any(c.material or c.numbers for c in own))
+        wanted = LIKELY if doubtful else NEVER if language else SURE
+        told = SURE if language else TOLD
+        known = any(words.lower() in c.phrase.lower() for c in own)
+        if not words or known or said.certainty < (wanted if doubtful else told):
             continue
         part = shown_name(names[i])
         known = names if len(names) <= _MANY else names[i : i + 1]
@@ -255,12 +264,32 @@ def with_second_opinion(
             if own_rows and not any(_are_alike(table, a, b) for a in own_rows for b in rows):
                 k = next(k for k in parts[i].clauses if clauses[k].material)
                 note = Note("tagger.differs", words=words, phrase=clauses[k].phrase)
-                clauses[k] = replace(clauses[k], doubts=(*clauses[k].doubts, note))
+                at = parts[i].clauses.index(k)  # a clause of its own: others may have this one too
+                own_clauses = (*parts[i].clauses[:at], len(clauses), *parts[i].clauses[at + 1 :])
+                parts[i] = parts[i]._replace(clauses=own_clauses)
+                clauses.append(replace(clauses[k], doubts=(*clauses[k].doubts, note)))
             continue
         subject = Subject("parts", (tuple(part.split()),))
         spans = [(start, end) for role, start, end in said.words if role in _DECIDING]
-        taken += spans
         whole = min(start for start, _ in spans), max(end for _, end in spans)
+        # Words that another part has by a name, and this one by the tagger alone
+        held = [
+            bound.sentence.clauses[k].span for bond in bound.parts
+            for k, how in zip(bond.clauses, bond.how, strict=True)
+            if how not in GENERAL and k not in bound.parts[i].clauses
+        ]  # fmt: skip
+        of_another = any(a <= whole[0] and whole[1] <= b for a, b in held)
+        named = any(how not in GENERAL for how in parts[i].how)
+        matters = [(start, end) for role, start, end in said.words if role == "matter"]
+        inside = any(a <= start and end <= b for a, b in held for start, end in matters)
+        if named and inside and not doubtful:  # it has its own
+            continue
+        taken += spans
+        if of_another or inside:
+            note = Note("tagger.of_another", words=words)
+            found = [replace(c, doubts=(*c.doubts, note)) for c in found]
+        kept = [d for c in own for d in c.doubts if getattr(d, "kind", "") == "reader.again"]
+        found = [replace(c, doubts=(*c.doubts, *kept)) for c in found]
         new = range(len(clauses), len(clauses) + len(found))
         clauses += [replace(c, text=words, span=whole, subject=subject) for c in found]
         parts[i] = BoundPart(tuple(new), ("name",) * len(new))
@@ -296,7 +325,9 @@ def _without_idle(
         unread=tuple(word for word in bound.sentence.unread if word not in said),
     )
     renamed = (part._replace(clauses=tuple(place[k] for k in part.clauses)) for part in parts)
-    return Bound(sentence, tuple(renamed), tuple(place[k] for k in bound.unbound if k in place))
+    parts, unbound = tuple(renamed), (place[k] for k in bound.unbound if k in place)
+    mute = (i for i in bound.mute if {*parts[i].how} <= {*GENERAL})
+    return Bound(sentence, parts, tuple(unbound), tuple(mute))
 
 
 def _words(said: Said, text: str) -> str:

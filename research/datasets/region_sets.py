@@ -103,7 +103,7 @@ def recoloured(
     """Return the object in looks of other slots, and the kind of matter that each slot now is.
 
     Of six in ten slots the look changes, of four to that of another kind; one object in seven keeps
-    all. Half are darker or lighter, as under another lamp.
+    all. Half are darker or lighter, as under another lamp; half have baked light, as a scan does.
     """
     seen, kinds = piece.looks.astype(np.float32), [-1] * len(piece.slots)
     if rng.random() > 0.15:
@@ -118,7 +118,7 @@ def recoloured(
                 seen[mine] = new + (seen[mine] - seen[mine].mean(axis=0)) * rng.choice([0.3, 1.0])
     if rng.random() < 0.5:
         seen[:, :3] = seen[:, :3] * rng.uniform(0.75, 1.15) + rng.normal(size=3) * 0.02
-    if rng.random() < 0.3:
+    if rng.random() < 0.5:
         seen[:, :3] *= baked_light(piece.cells, rng)[:, None]
         seen[:, :3] += rng.normal(size=(len(seen), 3)) * 0.02
     seen[:, :4] = seen[:, :4].clip(0, 1)
@@ -184,7 +184,7 @@ def procedural(
         seen = seen if finish else plain(seen)
         shell, found = np.zeros(len(cells), dtype=int), 0
         for k in range(len(kinds)):
-            pieces, count_of = connect(label == k, structure=np.ones((3, 3, 3)))  # type: ignore
+            pieces, count_of = connect(label == k, structure=np.ones((3, 3, 3)))
             shell[part == k] = pieces[tuple(cells[part == k].T)] - 1 + found
             found += count_of
         slots = tuple(f"{k}" for k in range(len(kinds)))

@@ -91,7 +91,7 @@ def score(
     parts, seen = as_seen(piece)
     colours = as_seen(piece, scan=True)[1]
     bound = read_sentence(natural.text, parts.part_labels, table)
-    known = {"predictor": "film", "table": table}
+    known: dict[str, Any] = {"predictor": "film", "table": table}
 
     def assigned(shown: Appearance, **given: Any) -> Prediction:
         return predict_materials(parts, bound, appearance=lambda: shown, **known, **given)
@@ -135,7 +135,7 @@ def score(
     rng = np.random.default_rng(0)
     worn = piece.looks[:, :3] * baked_light(piece.cells, rng)[:, None]
     worn = (worn + 0.02 * rng.normal(size=worn.shape)).clip(0, 1)
-    shown = Appearance(np.zeros_like(colours.colours))  # type: ignore
+    shown = Appearance(np.zeros_like(colours.colours))
     shown.colours[at] = worn  # type: ignore
     right[WORN] = share(assigned(shown))
     if film is not None:  # the only part is left to it, whatever words make of it

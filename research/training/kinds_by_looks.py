@@ -66,7 +66,7 @@ def fit_regression(
 
 def save_kinds(path: Path, kinds: CategoriesByAppearance) -> None:
     """Write both as JSON, five digits each."""
-    found = {"features": FEATURES, "kinds": KINDS}
+    found: dict[str, object] = {"features": FEATURES, "kinds": KINDS}
     for name in ("finished", "plain"):
         found[name] = {
             k: np.array([float(f"{x:.5g}") for x in v.ravel()]).reshape(v.shape).tolist()

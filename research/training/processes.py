@@ -8,6 +8,7 @@ from datetime import timedelta
 from typing import Any
 
 import torch
+import torch.distributed.nn
 from torch import Tensor, distributed
 
 _PATIENCE = timedelta(minutes=10)  # a process that compiles keeps the others waiting
@@ -17,6 +18,8 @@ def join(device: str) -> None:
     """Join the group of processes that ``torchrun`` announces, if there is one, until the end.
 
     Not anew for every run: the addresses of a group that was left are still known to the others.
+    And not before ``torch.distributed.nn`` is imported: its functions hold the group of that moment
+    as their default, and one so held keeps its threads past the interpreter, which may then abort.
     """
     if "RANK" not in os.environ or distributed.is_initialized():
         return

@@ -93,6 +93,12 @@ class Msh:
         return path
 
 
+def test_other_versions_of_gmsh_are_named(tmp_path):
+    (tmp_path / "a.msh").write_text("$MeshFormat\n4 0 8\n$EndMeshFormat\n$Entities\n")
+    with pytest.raises(InputError, match=r"its format is 4; wanted .* 4\.1"):
+        read_data(tmp_path / "a.msh")
+
+
 @pytest.mark.parametrize("binary", [False, True])
 def test_gmsh_41(tmp_path, binary):
     """Groups, whole and half; none; an element in two; order 2; the boundary without a group."""

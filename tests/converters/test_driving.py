@@ -17,6 +17,7 @@ from autophyx_tet.converters.points.gaussians import (
 )
 from autophyx_tet.converters.points.table import PointTable
 from autophyx_tet.fem import box_mesh
+from scipy.sparse import csr_matrix
 
 from ..fem.bodies import random_rotation, shaken_box
 
@@ -202,7 +203,8 @@ def test_the_mean_of_rotations_is_one():
     sources = np.concatenate([turns, turns @ half])
     near, weights = np.array([[0, 3], [1, 4], [2, 2]]), np.array([[0.5, 0.5], [0.9, 0.1], [1, 0]])
     none = np.zeros(3, bool)
-    R = Carried(np.zeros((3, 3)), sources, near, weights, none, np.zeros(6, bool)).rotations
+    mixing = csr_matrix((weights.ravel(), near.ravel(), np.arange(0, weights.size + 1, 2)), (3, 6))
+    R = Carried(np.zeros((3, 3)), sources, mixing, none, np.zeros(6, bool)).rotations
     np.testing.assert_allclose(R @ R.transpose(0, 2, 1), np.tile(np.eye(3), (3, 1, 1)), atol=1e-3)
     np.testing.assert_allclose(R[2], turns[2], atol=1e-9)
     assert (np.linalg.det(R) > 0).all()

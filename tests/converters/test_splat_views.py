@@ -112,6 +112,23 @@ def test_a_film_is_whole_after_every_frame_and_goes_on(tmp_path):
     assert WebP(path, (32, 32)).frames == 0  # another film begins anew
 
 
+def test_crumbs_that_fly_do_not_make_the_rest_small():
+    """A twentieth of a ball flies far off: the rest is as large as a frame of two diagonals has it.
+
+    A ball as long as it is wide is 1 / sqrt(12) of two diagonals; the rims and the sides that are
+    seen of a box of such a frame leave half of that.
+    """
+    rng = np.random.default_rng(0)
+    base = splats(rng.normal(size=(500, 3)) * 0.1, np.full((500, 3), 0.02), np.full((500, 3), 0.3))
+    places = np.tile(base.positions, (10, 1, 1))
+    places[:, :25] += np.linspace(0, 1, 10)[:, None, None] * rng.normal(size=(25, 3)) * 30.0
+    sizes = []
+    for camera, now in zip(tracked(places, base, "z", 10), places, strict=True):
+        pixels = camera.project(now[25:])[:, :2]
+        sizes.append(np.ptp(np.quantile(pixels, [0.01, 0.99], axis=0), axis=0).max() / 512)
+    assert min(sizes) > 0.5 / np.sqrt(12)
+
+
 def test_a_shadow_lies_where_the_sun_puts_it():
     """A ball above the ground darkens it at the foot of its ray, and nothing else."""
     n = 4000

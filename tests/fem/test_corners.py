@@ -5,7 +5,7 @@ import pytest
 from autophyx_tet.fem.device import start_warp
 from autophyx_tet.fem.elements.assembly import apply_supports, discretise, node_supports, stiffness
 from autophyx_tet.fem.elements.space import extend_linear
-from autophyx_tet.fem.linalg import solver
+from autophyx_tet.fem.linalg import kernels_multigrid, solver
 from autophyx_tet.fem.linalg.multigrid import CornerLevel, scale
 from autophyx_tet.fem.material import ElementMaterial
 from autophyx_tet.fem.mesh import box_mesh
@@ -37,6 +37,35 @@ def test_linear_functions_are_corrected_exactly():
     assert z.numpy() == pytest.approx(scaled, abs=1e-9 * np.abs(scaled).max())
 
 
+@pytest.mark.slow
+def test_transfers_by_corners_are_those_by_nodes():
+    """P^T r and P u as a GPU makes them, here on a CPU: of numbers in single precision."""
+    wp, rng = start_warp(), np.random.default_rng(0)
+    corners, nodes = 20, 80
+    own = np.arange(corners)
+    ends = np.concatenate([np.stack([own, own], axis=1), rng.integers(0, corners, (60, 2))])
+    T, inverse = rng.normal(size=(nodes, 3, 3)), rng.normal(size=(corners, 3, 3))
+    r, x, u = (rng.normal(size=(n, 3)) for n in (nodes, nodes, corners))
+    first = np.concatenate([[0], np.cumsum(np.bincount(ends.ravel()))])
+    lists = [wp.array(v, dtype=int) for v in (first, np.argsort(ends, axis=None) // 2)]
+    blocks = [wp.array(v, dtype=wp.mat33d) for v in (T, inverse)]
+    flat = [wp.array(v.ravel().astype(np.float32)) for v in (r, x)]
+    load, found = (wp.array(u, dtype=wp.vec3d) for _ in range(2))
+    kernel = kernels_multigrid.single_restrict_to_corners
+    inputs = [*lists, *blocks, flat[0], load]
+    wp.launch_tiled(kernel, dim=[corners], inputs=inputs, block_dim=32, device="cpu")
+    kernel = kernels_multigrid.single_prolong_from_corners
+    inputs = [wp.array(ends, dtype=wp.vec2i), *blocks, found, flat[1]]
+    wp.launch(kernel, nodes, inputs=inputs, device="cpu")
+    total = np.zeros((corners, 3))
+    for end in ends.T:
+        np.add.at(total, end, np.einsum("nji,nj->ni", T, r))
+        x += np.einsum("nij,nj->ni", T, np.einsum("nji,nj->ni", inverse, u)[end])
+    scaled = np.einsum("nij,nj->ni", inverse, total)
+    assert load.numpy() == pytest.approx(scaled, abs=1e-6 * np.abs(scaled).max())
+    assert flat[1].numpy() == pytest.approx(x.ravel(), abs=1e-6 * np.abs(x).max())
+
+
 @pytest.fixture
 def iterative(monkeypatch):
     """A factor of the whole is said to be slow, one of the corners to be quick."""
@@ -63,16 +92,40 @@ def test_bad_tets_and_contrasts_take_few_iterations(iterative, monkeypatch):
         mesh, held = shaken(ratio)
         found = solve_static(mesh, held, **options)
         with monkeypatch.context() as patch:
-            patch.setattr(solver, "_level_edges", lambda matrix, edges: None)
+            patch.setattr(solver, "_level_below", lambda matrix, edges: {"edges": None})
             over_aggregates = solve_static(mesh, held, **options)
+            patch.setattr(solver, "_level_below", over_both)
+            both = solve_static(mesh, held, **options)
             patch.setattr(solver, "iterations_worth", lambda plan, matrix: 0)
             exact = solve_static(mesh, held, **options)
-        solvers = [r.solver for r in (found, over_aggregates, exact)]
-        assert solvers == [solver.CG_LINEAR, solver.CG_AGGREGATES, solver.CHOLESKY]
+        solvers = [r.solver for r in (found, over_aggregates, both, exact)]
+        assert solvers == [
+            solver.CG_LINEAR, solver.CG_AGGREGATES, solver.CG_BOTH, solver.CHOLESKY
+        ]  # fmt: skip
         assert found.iterations <= 60
-        assert found.iterations < over_aggregates.iterations
+        assert found.iterations <= both.iterations < over_aggregates.iterations
         scale = np.abs(exact.displacement).max()
-        assert found.displacement == pytest.approx(exact.displacement, abs=1e-5 * scale)
+        for answer in (found, both):
+            assert answer.displacement == pytest.approx(exact.displacement, abs=1e-5 * scale)
+
+
+def over_both(matrix, edges):
+    """The way of a GPU, and of bodies whose corners are too many for a factor."""
+    return {"edges": edges, "factored": False}
+
+
+@pytest.mark.slow
+def test_iterations_over_both_levels_do_not_grow_with_the_mesh(iterative, monkeypatch):
+    """From 6,591 unknowns to 46,875: a quarter more iterations at most."""
+    monkeypatch.setattr(solver, "_level_below", over_both)
+    counts = []
+    for n in (6, 12):
+        mesh = with_uniform(box_mesh((1, 1, 1), (n, n, n)), E=1e6, nu=0.4, rho=1e3)
+        held = Supports.clamp(len(mesh.points), mesh.points[:, 2] == 0)
+        found = solve_static(mesh, held, gravity_vector=(0, 0, -9.81), order=2)
+        assert found.solver == solver.CG_BOTH
+        counts.append(found.iterations)
+    assert counts[1] <= 1.25 * counts[0]  # 18 and 20; by the smoother alone twice as many
 
 
 def test_a_body_that_nothing_holds_is_suspect(iterative):

@@ -14,7 +14,7 @@ STRAIN = {
     "metal": (1e-5, 0.06), "glass-ceramic": (5e-5, 0.05), "stone": (2e-5, 0.03),
     "composite": (1e-3, 0.05), "plastic": (2e-3, 0.2), "elastomer": (0.3, 60.0),
     "hard elastomer": (0.01, 10.0), "wood": (1e-3, 0.05), "cork": (0.005, 0.2),
-    "bone and shell": (1e-4, 0.05), "soft food": (0.5, 1000.0), "rigid foam": (0.005, 0.3),
+    "bone and shell": (1e-4, 0.05), "soft food": (0.3, 1000.0), "rigid foam": (0.005, 0.3),
     "fabric and leather": (0.01, 2.0), "paper": (1e-3, 0.05),
 }  # fmt: skip
 

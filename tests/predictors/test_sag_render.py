@@ -32,6 +32,7 @@ def sag() -> SagRender:
     return SagRender(PART, TRUTH)
 
 
+@pytest.mark.slow
 def test_the_true_body_is_like_itself(sag):
     """The same values give the same pictures."""
     assert sag.similarity(TRUTH) == pytest.approx((54.15, 1.0), abs=0.01)

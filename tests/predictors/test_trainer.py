@@ -149,8 +149,15 @@ def shared(every: int) -> list[float]:
 
 
 PROGRAM = """
-import json, os, sys
+import atexit, json, os, pathlib, sys
 sys.path.insert(0, sys.argv[1])
+
+@atexit.register
+def no_thread_outlives_the_group():
+    threads = [f.read_text() for f in pathlib.Path("/proc/self/task").glob("*/comm")]
+    if any("gloo" in name for name in threads):
+        os._exit(3)
+
 from test_trainer import shared
 found = [shared(1), shared(2)]
 if os.environ["RANK"] == "0":

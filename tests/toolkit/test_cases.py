@@ -88,6 +88,48 @@ def test_gltf_lines_beside_triangles_are_left_out(tmp_path):
     expect(g.write(tmp_path / "a.glb"), {"frame": 1}, told="1 primitives of points or lines")
 
 
+def test_gltf_other_scenes_are_told_and_the_default_one_is_read(tmp_path):
+    g = Gltf()
+    mesh = g.mesh(g.cube())
+    g.tree["nodes"] = [{"mesh": mesh, "name": "one"}, {"mesh": mesh, "name": "two"}]
+    g.tree |= {"scenes": [{"nodes": [0]}, {"nodes": [1]}], "scene": 1}
+    expect(g.write(tmp_path / "a.glb"), {"two": 1}, told="1 more scenes")
+
+
+def test_gltf_for_newer_readers_is_refused(tmp_path):
+    g = Gltf()
+    g.tree["asset"]["minVersion"] = "2.1"
+    g.node(mesh=g.mesh(g.cube()))
+    with pytest.raises(InputError, match=r"is glTF 2\.1, wanted 2\.0"):
+        load_asset(g.write(tmp_path / "a.glb"))
+
+
+def test_gltf_chunks_have_kinds_and_not_places(tmp_path):
+    """A chunk of another kind stands before the binary one."""
+    g = Gltf()
+    g.node(mesh=g.mesh(g.cube()), name="box")
+    data = g.write(tmp_path / "a.glb").read_bytes()
+    at = 20 + int.from_bytes(data[12:16], "little")
+    other = (8).to_bytes(4, "little") + b"ACME" + bytes(8)
+    size = (len(data) + len(other)).to_bytes(4, "little")
+    (tmp_path / "a.glb").write_bytes(data[:8] + size + data[12:at] + other + data[at:])
+    expect(tmp_path / "a.glb", {"box": 1})
+
+
+@pytest.mark.parametrize(
+    ("more", "why"),
+    [
+        ({"mode": 0, "extensions": {"KHR_gaussian_splatting": {}}}, "KHR_gaussian_splatting"),
+        ({"mode": 1}, "1 primitives of points or lines"),
+    ],
+)
+def test_gltf_splats_or_lines_alone_are_named(tmp_path, more, why):
+    g = Gltf(extensionsUsed=["KHR_gaussian_splatting"])
+    g.node(mesh=g.mesh({"attributes": {"POSITION": g.accessor(CORNERS)}} | more))
+    with pytest.raises(InputError, match=why):
+        load_asset(g.write(tmp_path / "a.glb"))
+
+
 # The cube of a thousand steps, and its triangles, packed by the encoder of meshoptimizer 1.3.
 MESHOPT_CUBE = {
     "ATTRIBUTES": "oAEAwAAALwEAwAAABgEMzAAALzAvAQzMAAAGBQYBP/8AA"
@@ -347,6 +389,40 @@ def test_3mf_materials_of_objects_and_triangles_have_names_and_colours(tmp_path)
     assert found == {"steel": (6, [0, 0, 1]), "oak": (6, [1, 0, 0])}
 
 
+SHAPES_3MF = {
+    "booleanshape": ("booleanoperations/2023/07", '<e:booleanshape objectid="1"/>'),
+    "displacementmesh": ("displacement/2022/07", "<e:displacementmesh/>"),
+    "levelset": ("volumetric/2022/01", '<e:levelset functionid="9" meshid="1"/>'),
+}
+
+
+@pytest.mark.parametrize("shape", SHAPES_3MF)
+def test_3mf_shapes_that_are_no_meshes_are_named(tmp_path, shape):
+    """Beside a body they are told; alone they are the reason of the refusal."""
+    space, body = SHAPES_3MF[shape]
+    head = f'xmlns:e="http://schemas.3mf.io/3dmanufacturing/{space}"'
+    resources = (
+        f'<object id="1" type="model" name="leg">{CUBE_3MF}</object>'
+        f'<object id="2" type="model" name="other">{body}</object>'
+    )
+    items = '<item objectid="1"/>', '<item objectid="2"/>'
+    path = writers.threemf(tmp_path / "a.3mf", resources, "".join(items), head=head)
+    expect(path, {"leg": 1e-6}, told=f"{shape} of the file are not read")
+    path = writers.threemf(tmp_path / "b.3mf", resources, items[1], head=head)
+    with pytest.raises(InputError, match=f"no body: {shape}"):
+        load_asset(path)
+
+
+def test_3mf_what_is_not_printable_or_secret_is_told(tmp_path):
+    resources = f'<object id="1" type="model" name="leg">{CUBE_3MF}</object>'
+    build = '<item objectid="1" printable="0"/>'
+    path = writers.threemf(tmp_path / "a.3mf", resources, build)
+    expect(path, {"leg": 1e-6}, told="1 items of the build are marked as not printable")
+    settings = {"Secure/keystore.xml": "<keystore/>"}
+    with pytest.raises(InputError, match="is encrypted"):
+        load_asset(writers.threemf(tmp_path / "b.3mf", resources, build, settings=settings))
+
+
 def test_3mf_components_of_themselves_end(tmp_path):
     resources = (
         '<object id="1" type="model"><components><component objectid="1"/></components></object>'
@@ -384,6 +460,31 @@ def test_obj_white_space_is_blanks_or_tabs_and_lines_end_anyhow(tmp_path, dress)
     parts = ["o leg", *obj_cube(), "o top", *obj_cube(at=3, first=8)]
     path.write_bytes(OBJ_DRESSES[dress]("\n".join(parts) + "\n"))
     expect(path, {"leg": 1, "top": 1})
+
+
+def test_obj_lines_beside_faces_are_told_and_alone_are_the_reason(tmp_path):
+    """Vertices of polylines or of free-form surfaces are no cloud of points."""
+    path = tmp_path / "a.obj"
+    path.write_text("\n".join([*obj_cube(), "l 1 2 3", "p 4"]))
+    expect(path, 1, told="1 polylines were left out")
+    rows = [f"v {x} 0 0" for x in range(200)]
+    for more, why in (("l 1 2 3", "1 polylines"), ("surf 0 1 0 1 1 2", "free-form curves")):
+        path.write_text("\n".join([*rows, more]))
+        with pytest.raises(InputError, match=why):
+            load_asset(path)
+
+
+@pytest.mark.parametrize(("unit", "metres"), [("inches", 0.0254), ("MM", 1e-3), ("meters", 1)])
+def test_remarks_that_say_the_unit(tmp_path, unit, metres):
+    """SketchUp writes it into its OBJ; PLY files have remarks too."""
+    path = tmp_path / "a.obj"
+    path.write_text("\n".join([f"# File units = {unit}", "# 8 units", *obj_cube()]))
+    expect(path, metres**3, size=(metres,) * 3)
+    assert not any("no unit" in w for w in load_asset(path).warnings)
+    data = writers.ply(CORNERS, QUADS.tolist())
+    path = tmp_path / "a.ply"
+    path.write_bytes(data.replace(b"made by hand", f"units: {unit}".encode()))
+    expect(path, metres**3)
 
 
 def test_obj_decimal_commas_are_named(tmp_path):
@@ -460,6 +561,14 @@ def test_ply_polygons_of_several_lengths(tmp_path, form):
         expect(path, {"a": 1}, size=(1, 1, 1))
 
 
+def test_ply_lines_that_end_in_cr_and_wide_indices(tmp_path):
+    path = tmp_path / "a.ply"
+    text = writers.ply(CORNERS, QUADS.tolist())
+    for dressed in (text.replace(b"\n", b"\r"), text.replace(b"uchar int ", b"uint64 int64 ")):
+        path.write_bytes(dressed)
+        expect(path, 1, size=(1, 1, 1))
+
+
 def test_ply_decimal_commas_are_named(tmp_path):
     head = "ply\nformat ascii 1.0\nelement vertex 3\n"
     head += "".join(f"property float {axis}\n" for axis in "xyz")
@@ -510,6 +619,12 @@ def test_off_without_a_keyword_and_on_one_line(tmp_path):
     for text in ("\n".join(off_cube()), "OFF " + " ".join(off_cube())):
         path.write_text(text)
         expect(path, 1, size=(1, 1, 1))
+    path.write_text("OFF\n" + "\n".join(off_cube()), encoding="utf-8-sig")
+    expect(path, 1)
+    first, *others = off_cube()
+    points = [f"{row} 0 0 1 255 0 0" for row in others[:8]]
+    path.write_text("\n".join(["NCOFF", first, *points, *others[8:]]))
+    expect(path, 1)
     path.write_text("\n".join(off_cube()[:-2]))
     with pytest.raises(InputError, match="announces 8 vertices and 6 faces, and ends before"):
         load_asset(path)
@@ -552,8 +667,9 @@ def test_stl_solids_of_one_name_are_two(tmp_path):
         writers.stl_text(CORNERS + np.array([place, 0, 0]), TRIANGLES, name="leg")
         for place in (0, 2)
     )
-    (tmp_path / "a.stl").write_text(text, encoding="utf-8-sig")
-    expect(tmp_path / "a.stl", {"leg": 1, "leg.1": 1}, size=(3, 1, 1))
+    for dressed in (text, text.replace("\n", "\r"), " ".join(text.split())):
+        (tmp_path / "a.stl").write_text(dressed, encoding="utf-8-sig")
+        expect(tmp_path / "a.stl", {"leg": 1, "leg.1": 1}, size=(3, 1, 1))
 
 
 def test_stl_a_header_that_says_the_unit(tmp_path):
@@ -592,6 +708,19 @@ def test_collada_what_is_placed_and_not_there_is_told(tmp_path):
     writers.collada(path, lost)
     with pytest.raises(InputError, match="no triangle that is read: the file places 'other"):
         load_asset(path)
+
+
+def test_collada_polygons_with_holes_are_told(tmp_path):
+    corner = '<input semantic="VERTEX" source="#v" offset="0"/>'
+    quads = "".join("<p>{} {} {} {}</p>".format(*q) for q in QUADS)
+    holed = "<ph><p>0 1 3 2</p><h>4 6 7 5</h></ph>"
+    node = f'<node name="peg">{INSTANCE}</node>'
+    kinds = f'<polygons count="7">{corner}{quads}{holed}</polygons>'
+    path = writers.collada(tmp_path / "a.dae", node, polygons=kinds)
+    expect(path, {"peg": 1}, told="1 polygons with holes")
+    kinds = f'<polygons count="1">{corner}{holed}</polygons>'
+    with pytest.raises(InputError, match="1 polygons with holes"):
+        load_asset(writers.collada(tmp_path / "b.dae", node, polygons=kinds))
 
 
 def test_collada_instances_are_parts_by_their_nodes(tmp_path):
@@ -733,6 +862,25 @@ def test_step_of_two_parts_gives_two_named_parts(tmp_path):
     expect(path, {"post": 4e-6, "plate": 1.25e-5}, size=(0.05, 0.05, 0.045))
 
 
+@pytest.mark.external
+@pytest.mark.parametrize(("unit", "side"), [("2,2HMM", 0.001), ("1,2HIN", 0.0254), ("6,1HM", 1)])
+def test_iges_is_in_the_unit_that_it_names(tmp_path, unit, side):
+    """A box of 10 x 20 x 30 units; the remarks of the global section end in column 72."""
+    pytest.importorskip("cascadio")
+    gmsh = pytest.importorskip("gmsh")
+    gmsh.initialize()
+    gmsh.option.setNumber("General.Terminal", 0)
+    gmsh.model.occ.addBox(0, 0, 0, 10, 20, 30)
+    gmsh.model.occ.synchronize()
+    gmsh.write(str(tmp_path / "box.igs"))
+    gmsh.finalize()
+    text = (tmp_path / "box.igs").read_text()
+    (line,) = (row for row in text.split("\n") if "2HMM" in row)
+    other = line[:72].rstrip().replace("2,2HMM", unit).ljust(72) + line[72:]
+    (tmp_path / "box.igs").write_text(text.replace(line, other))
+    expect(tmp_path / "box.igs", 6000 * side**3, size=np.array([10, 20, 30]) * side)
+
+
 @pytest.mark.slow
 def test_step_runs_with_materials_of_its_parts(tmp_path):
     """`run part.step --text ...`: steel 4 cm3 and oak 12.5 cm3, weighed."""
@@ -818,6 +966,12 @@ def test_cloud_that_is_a_molecule_or_counts_its_rows_is_refused(tmp_path):
         ("a.zip", b"PK", "unpack it first"),
         ("a.glb", b"version https://git-lfs.github.com/spec/v1\noid sha256:1", "git lfs pull"),
         ("a.stl", b"<!DOCTYPE html><html><body>404", "is a web page"),
+        ("a.stl", b"\x1f\x8b\x08\0" + bytes(200), "packed by gzip.*no .stl file: unpack"),
+        ("a.dae", b"PK\x03\x04" + bytes(200), "a zip archive.*no .dae file: unpack"),
+        ("a.obj", b"glTF" + bytes(200), "a glTF file.*no .obj file: rename it to .glb"),
+        ("a.inp", b"*HEADING", "save its tets as .msh"),
+        ("a.obj", bytes(range(256)) * 20, "holds no triangle: wanted a surface"),
+        ("a.sog", b"PK", "export the splats as .ply"),
     ],
 )
 def test_what_is_no_asset_is_refused_by_name(tmp_path, name, data, reason):

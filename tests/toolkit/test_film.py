@@ -1,6 +1,10 @@
 """Films of splats: the driver fits the budget, what was made stays, and a stopped film goes on."""
 
 import json
+import signal
+import subprocess
+import sys
+import time
 from dataclasses import replace
 
 import numpy as np
@@ -10,14 +14,16 @@ from autophyx_tet.converters.points.table import PointTable, read_points, write_
 from autophyx_tet.fem import Scene, Supports, box_mesh
 from autophyx_tet.fem.errors import UsageError
 from autophyx_tet.fem.material import ElementMaterial
+from autophyx_tet.fem.mpm.materials import MaterialClass, Substance
 from autophyx_tet.fem.mpm.method import MpmMethod
+from autophyx_tet.fem.mpm.time_step import BUDGET, largest_modulus
 from autophyx_tet.fem.scenarios import Drop, Spin
 from autophyx_tet.toolkit import driving
 from autophyx_tet.toolkit.cli.main import main
 from autophyx_tet.toolkit.film import film
 from autophyx_tet.toolkit.options import SimulateOptions
 from autophyx_tet.toolkit.pipeline import simulate
-from autophyx_tet.toolkit.simulation.budget import coarsened, planned
+from autophyx_tet.toolkit.simulation.budget import SHARE, coarsened, planned
 from PIL import Image
 
 SOFT = {"E": 2e5, "nu": 0.3, "rho": 300.0}
@@ -46,22 +52,40 @@ def ball(tmp_path_factory):
     return path
 
 
+@pytest.mark.slow
 def test_the_driver_is_the_finest_that_fits():
     """More seconds make a finer grid; what is held and meets nothing is a reduced body."""
     mesh = matter(box_mesh((0.1, 0.1, 0.1), (4, 4, 4)))
     falls = Drop(height=0.1).scene(mesh)
     grids = [
-        planned(falls, SimulateOptions(budget=budget), method="dynamics", splats=10_000)
+        planned(falls, SimulateOptions(budget=budget), method="dynamics", picture=0.1)
         for budget in (1e4, 400.0, 40.0)
     ]
     assert {plan.options.solver for plan in grids} == {"mpm"}
     assert grids[0].cells > grids[1].cells > grids[2].cells
-    assert grids[1].solve <= 0.45 * 400
+    assert grids[1].solve <= SHARE * 400
     held = Scene(mesh=mesh, supports=Supports.clamp(len(mesh.points), mesh.points[:, 2] == 0))
-    plan = planned(held, SimulateOptions(budget=60.0), method="statics", splats=10_000)
+    plan = planned(held, SimulateOptions(budget=60.0), method="statics", picture=0.1)
     assert plan.options.solver == "lbs"
-    flows = planned(held, SimulateOptions(budget=60.0), method="statics", splats=10, flows=True)
+    water = {"body": Substance(kind=MaterialClass.FLUID, viscosity=1.0)}
+    known = {"method": "statics", "picture": 0.1, "substances": water}
+    flows = planned(held, SimulateOptions(budget=60.0), **known)
     assert flows.options.solver == "mpm"
+
+
+@pytest.mark.slow
+def test_what_can_bounce_is_not_made_rigid_by_a_finer_grid():
+    """Rubber is too stiff for 48 cells within 40,000 steps a second, not for 16; steel for all."""
+    mesh = box_mesh((0.03, 0.03, 0.1), (2, 2, 6))
+    grids = []
+    for E, nu, rho in ((5.5e5, 0.49, 1000.0), (2e11, 0.3, 7800.0)):
+        falls = Drop(height=0.1).scene(matter(mesh, E=E, nu=nu, rho=rho))
+        plan = planned(falls, SimulateOptions(budget=60.0), method="dynamics", picture=0.1)
+        most = largest_modulus(nu, rho, 0.1 / plan.cells, 1 / BUDGET)
+        grids.append((plan.cells, bool(most > E)))
+    assert grids[0][0] < 48
+    assert grids[0][1]
+    assert grids[1] == (48, False)
 
 
 @pytest.mark.slow
@@ -81,6 +105,7 @@ def test_a_coarse_body_is_the_body():
     assert coarsened(body, most=4000) is body
 
 
+@pytest.mark.slow
 def test_a_spinning_body_turns_as_fast_as_asked_and_stretches():
     """Steel: X turns by 2 pi rate t about z through the middle; jelly becomes longer.
 
@@ -90,7 +115,9 @@ def test_a_spinning_body_turns_as_fast_as_asked_and_stretches():
     turning frame; let go at once it swings between none and about twice that.
     """
     mesh = matter(box_mesh((0.4, 0.1, 0.06), (8, 2, 1)), E=2e11, rho=1000.0)
-    scene = replace(Spin(rate=2.0).scene(mesh), duration=0.1, frames=4)
+    scene = Spin(rate=2.0).scene(mesh)
+    assert scene.duration == 1.0  # two turns
+    scene = replace(scene, duration=0.1, frames=4)
     x = MpmMethod(grid=16).solve(scene).displacements[-1] + mesh.points
     turn = np.deg2rad(0.2 * 360) / (1 + 6 * (0.4 / 16) ** 2 / (0.4**2 + 0.1**2))
     R = np.array([[np.cos(turn), -np.sin(turn), 0], [np.sin(turn), np.cos(turn), 0], [0, 0, 1]])
@@ -108,7 +135,8 @@ def test_a_spinning_body_turns_as_fast_as_asked_and_stretches():
 @pytest.mark.slow
 def test_a_stopped_film_goes_on(ball, tmp_path, monkeypatch):
     """Stopped amid the drawing: the frames so far are a film; again, it is the whole film's."""
-    options = SimulateOptions(scenario="drop", drop_height=0.02, **FEW)
+    # A budget that no grid keeps: the coarsest one, however busy the machine is
+    options = SimulateOptions(scenario="drop", drop_height=0.02, **{**FEW, "budget": 0.01})
     call = {"texts": ["soft rubber"], "simulate_options": options}
     from autophyx_tet.toolkit.options import ConvertOptions
 
@@ -136,6 +164,51 @@ def test_a_stopped_film_goes_on(ball, tmp_path, monkeypatch):
     assert again.resumed
     assert again.film.frames == 6
     assert again.film.files[0].read_bytes() == whole.film.files[0].read_bytes()
+
+
+def frames_of(path) -> int:
+    if not path.is_file():
+        return 0
+    with Image.open(path) as seen:
+        for i in range(seen.n_frames):  # every one can be read
+            seen.seek(i)
+            seen.load()
+        return seen.n_frames
+
+
+@pytest.mark.long
+def test_a_film_survives_signals(ball, tmp_path):
+    """One command, stopped before its motion, amid its frames, killed amid them, and once more.
+
+    After each its frames so far are a film, and at last it is the film of a call that was left
+    alone.
+    """
+    call = [sys.executable, "-m", "autophyx_tet", "film", str(ball), "--text", "soft rubber"]
+    call += ["--scenario", "drop", "--drop-height", "0.02", "--size", "0.1", "--up", "z"]
+    # A budget that no grid keeps: the coarsest one, however busy the machine is
+    call += ["--edge-length", "0.03", "--seconds", "1", "--budget", "0.01", "--no-cache", "-o"]
+    out = tmp_path / "part"
+    for wanted, number in ((-1, signal.SIGINT), (3, signal.SIGTERM), (9, signal.SIGKILL)):
+        running = subprocess.Popen(
+            [*call, str(out)],
+            stderr=subprocess.PIPE,
+            preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+        )
+        end = time.monotonic() + 300
+        while not (out.is_dir() if wanted < 0 else frames_of(out / "film.webp") >= wanted):
+            assert running.poll() is None
+            assert time.monotonic() < end
+            time.sleep(0.02)
+        running.send_signal(number)
+        told = running.communicate(timeout=60)[1].decode()
+        assert running.returncode, told  # it was not done
+        assert "Traceback" not in told
+        frames = frames_of(out / "film.webp")
+        assert max(wanted, 0) <= frames < 30
+    for folder in (out, tmp_path / "whole"):
+        subprocess.run([*call, str(folder)], check=True, capture_output=True, timeout=300)
+        assert frames_of(folder / "film.webp") == 30
+    assert (out / "film.webp").read_bytes() == (tmp_path / "whole" / "film.webp").read_bytes()
 
 
 @pytest.mark.slow

@@ -217,11 +217,13 @@ def test_large_surfels_leave_no_holes(tmp_path):
     assert mesh.body_count == 1
 
 
-@pytest.mark.parametrize(("shape", "within"), [("ball", 0.005), ("box", 0.01)])
+@pytest.mark.parametrize(("shape", "within"), [("ball", 0.005), ("box", 0.015)])
 def test_flat_splats_enclose_what_they_lie_on(shape, within):
     """Surfels on a ball and a box of known volume; a box's edges are rounded by what covers them.
 
-    By the median depth along normals the ball was .9 % too small, the box 1.9 %.
+    By the median depth along normals the ball was .9 % too small, the box 1.9 %. By the mean depth
+    of what lies near the surface the box is 1.2 % too small, where the chair of a rough capture is
+    2 % too large and was 9 %.
     """
     rng = np.random.default_rng(1)
     if shape == "ball":

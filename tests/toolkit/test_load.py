@@ -63,7 +63,9 @@ def test_a_forgotten_unit_is_warned_about(tmp_path):
     assert any("80 m is unusual: likely mm" in w for w in load_asset(path).warnings)
     assert not any("unusual" in w for w in load_asset(path, units="mm").warnings)
     trimesh.creation.box((8e-4, 8e-4, 8e-4)).export(path)
-    assert any("0.0008 m is unusual: --size" in w for w in load_asset(path).warnings)
+    (told,) = load_asset(path).warnings  # one line for both guesses
+    assert "0.0008 m is unusual: --size" in told
+    assert told.endswith("nor does it say which axis is up: taken as +Z; --up sets it")
 
 
 def test_nobody_is_asked_for_a_unit_that_was_given(tmp_path):

@@ -32,6 +32,7 @@ def hertz(radius, E, nu, rho, height, g=9.81):
 
 
 @pytest.mark.slow
+@pytest.mark.truth("impact of a soft ball")
 def test_a_soft_ball_presses_as_hertz_says():
     """Within 15 % of Hertz' force by the default steps, and all but a tenth of its height again."""
     mesh = ball(0.05, 8, E=1e7, nu=0.3, rho=1000.0)
@@ -47,6 +48,7 @@ def test_a_soft_ball_presses_as_hertz_says():
 
 
 @pytest.mark.slow
+@pytest.mark.truth("impact of a steel ball")
 def test_the_force_of_a_steel_ball_is_not_told():
     """Its contact takes a fiftieth of a frame, and a face is larger than it: no number is given."""
     mesh = ball(0.05, 3, E=2e11, nu=0.3, rho=7850.0)
@@ -57,6 +59,7 @@ def test_the_force_of_a_steel_ball_is_not_told():
 
 
 @pytest.mark.long
+@pytest.mark.truth("rebound by four solvers")
 def test_a_cube_rebounds_as_by_fine_steps_or_in_doubt():
     """0.67 of the height by 900 steps of BDF2; the default within 20 %, others not vouched for.
 
@@ -105,6 +108,7 @@ def test_supports_carry_what_the_momentum_lacks():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("solver", ["fem", "lbs", "mpm"])
+@pytest.mark.truth("an obstacle within")
 def test_an_obstacle_inside_the_body_is_refused(solver):
     """A ball wholly inside touches no face; it is in the body all the same."""
     mesh = matter(box_mesh((0.1, 0.1, 0.1), (3, 3, 3)), 1e6, 1000.0)
@@ -114,6 +118,7 @@ def test_an_obstacle_inside_the_body_is_refused(solver):
 
 
 @pytest.mark.slow
+@pytest.mark.truth("an obstacle that jumps through")
 def test_a_fast_ball_does_not_jump_through_a_slab():
     """A ball of 3 cm at 10 m/s, from above a held slab to below it in one step: it is carried."""
     mesh = matter(box_mesh((0.2, 0.2, 0.02), (4, 4, 1)), 1e7, 1000.0)
@@ -129,6 +134,7 @@ def test_a_fast_ball_does_not_jump_through_a_slab():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("basis", ["vector", "skinning"])
+@pytest.mark.truth("rest of a reduced bar")
 def test_a_reduced_bar_on_its_side_rests_as_the_elements_do(basis):
     """A long bar that its weight squashes: the swing's end within 1 % of quadratic tets at rest."""
     mesh = matter(box_mesh((1.0, 0.2, 0.2), (10, 2, 2)), 1e6, 1000.0, nu=0.35)
@@ -138,6 +144,7 @@ def test_a_reduced_bar_on_its_side_rests_as_the_elements_do(basis):
 
 
 @pytest.mark.long
+@pytest.mark.truth("crash: contrast")
 def test_a_reduced_body_of_great_contrast_is_followed():
     """Half of it a million times stiffer: an answer and its doubts."""
     mesh = matter(box_mesh((1.0, 0.1, 0.1), (10, 1, 1)), 1e6, 1000.0)
@@ -148,6 +155,7 @@ def test_a_reduced_body_of_great_contrast_is_followed():
 
 
 @pytest.mark.slow
+@pytest.mark.truth("cantilever of particles")
 def test_a_cantilever_of_particles_bends_as_the_elements_do():
     """Sixteen cells along it, four across, damped to rest: 5 % of quadratic tets at its end."""
     mesh = matter(box_mesh((0.4, 0.1, 0.1), (8, 2, 2)), 1e5, 1000.0)
@@ -158,6 +166,7 @@ def test_a_cantilever_of_particles_bends_as_the_elements_do():
 
 
 @pytest.mark.slow
+@pytest.mark.truth("torque on particles")
 def test_a_torque_turns_particles_as_it_does_elements():
     """They lie within the surface that it acts on, and have its moment all the same: 3 %."""
     mesh = matter(box_mesh((0.3, 0.1, 0.1), (12, 4, 4)), 1e5, 1000.0)
@@ -172,6 +181,7 @@ def test_a_torque_turns_particles_as_it_does_elements():
 
 
 @pytest.mark.slow
+@pytest.mark.truth("crash: a sheet thinner than a cell")
 def test_a_sheet_thinner_than_a_cell_is_held_and_stays():
     """A millimetre on a grid of 19: as many particles as cubes that it meets, none leaves."""
     mesh = matter(box_mesh((0.3, 0.2, 0.001), (6, 4, 1)), 1e6, 1000.0)

@@ -22,6 +22,8 @@ from autophyx_tet.toolkit.pipeline import simulate
 from autophyx_tet.toolkit.simulation.reducing import match, reduce
 from autophyx_tet.toolkit.simulation.scenario import moduli_between
 
+from .command import run_here
+
 
 @pytest.fixture(scope="module")
 def bar(tmp_path_factory):
@@ -156,6 +158,25 @@ def test_a_table_of_runs_is_answered(bar, tmp_path, capsys):
     table.write_text("leg\n1\n")
     with pytest.raises(InputError, match="columns leg: wanted each once of body, load, gx"):
         reduce(bar, what_if=table)
+
+
+@pytest.mark.truth("crash: an extreme run")
+def test_an_extreme_run_keeps_the_table(bar, tmp_path):
+    """A load a million times too large has no rest, reduced or full; told, and the others stand."""
+    table, model = tmp_path / "runs.csv", tmp_path / "r.npz"
+    table.write_text("body,load\n1,1\n2,2\n1,1e6\n")
+    done = run_here("reduce", bar, "-o", model, "--what-if", table, "--json")
+    assert done.returncode == 0, done.stderr
+    document = json.loads(done.stdout)
+    told = document["reduced"]["what_if"]
+    assert (told["runs"], told["compared"]) == (3, [0, 1])
+    assert told["without_rest"] + told["unsolved"] == 1
+    assert max(told["rest_error"]) < 0.01
+    assert any("found no rest" in said for said in document["warnings"])
+    answers = np.genfromtxt(tmp_path / "r.what_if.csv", delimiter=",", names=True)
+    u, f = answers["max_displacement_m"], answers["first_frequency_Hz"]
+    assert u[1] == pytest.approx(u[0], rel=1e-4)  # twice as stiff under twice the load
+    assert f / f[0] == pytest.approx(np.sqrt([1, 2, 1]), rel=1e-6)
 
 
 def test_python_has_the_names_of_the_command_line():

@@ -3,6 +3,7 @@
 import json
 
 import autophyx_tet as apx
+import meshio
 import numpy as np
 import pytest
 from autophyx_tet.converters import write_mesh
@@ -67,6 +68,7 @@ def arc(r, y):
         ("part:right", 0.1**2 + 4 * 0.15 * 0.1),
     ],
 )
+@pytest.mark.truth("a place cuts faces")
 def test_a_place_has_its_own_area_whatever_the_faces(place, area):
     """p A to round-off, through faces that lie in it in part; p as asked for is told."""
     (load,) = solve(bar(), fix=["plane:x<0"], pressure={place: 1000.0}, gravity=0).numbers["loads"]
@@ -104,6 +106,7 @@ def test_a_disc_on_a_block_sinks_as_boussinesq_says():
     assert sinks == pytest.approx(2 * 0.91 * 1e3 * 0.1 / 1e6, rel=0.06)
 
 
+@pytest.mark.truth("a load on what is fixed")
 def test_a_load_on_what_is_held_is_told():
     """All of it, half of it on a third of the edges, none: by share, and in words where all is."""
     on = solve(bar(), fix=["part:left"], load={"part:left": (0, 0, -100)}, gravity=0)
@@ -125,8 +128,10 @@ def test_a_load_on_what_is_held_is_told():
         ({"pressure": {"box:0.2,0,0.1,0.3,0,0.1": 5.0}}, "no face on the surface"),
         ({"pressure": {"inside:all": 5.0}}, "no cavity"),
         ({"move": {"plane:x<0": (0.001, 0, 0)}}, "all of its points are held"),
+        ({"load": {"plane:x>0.3": (1, 0, 0)}, "supports": "three-point"}, "takes its place"),
     ],
 )
+@pytest.mark.truth("a load that reaches nothing")
 def test_what_would_do_nothing_is_refused(stated, words):
     with pytest.raises(UsageError, match=words):
         solve(bar(), fix=["plane:x<0"], gravity=0, **stated)
@@ -140,6 +145,7 @@ def test_moves_that_fight_are_told():
     assert any(wanted in warning for warning in found.warnings)
 
 
+@pytest.mark.truth("forces by place")
 def test_jaws_carry_one_force_each():
     """A bar of nu 0 pressed by two jaws: E A e on each, and none in their sum."""
     mesh = uniform(box_mesh((0.1, 0.1, 0.1), (3, 3, 3)), nu=0.0)
@@ -162,6 +168,7 @@ def test_a_clamp_carries_its_moment():
 
 
 @pytest.mark.parametrize("body", ["solid", "hollow"])
+@pytest.mark.truth("outer faces")
 def test_wind_sees_the_outside_alone(body):
     """rho v^2 / 2 c A of a cube of 1 m, with a closed cavity or without."""
     mesh = uniform(box_mesh((1, 1, 1), (3, 3, 3)), E=1e9) if body == "solid" else hollow()
@@ -170,6 +177,7 @@ def test_wind_sees_the_outside_alone(body):
 
 
 @pytest.mark.slow
+@pytest.mark.truth("outer faces")
 def test_pressure_is_outside_unless_it_is_said_to_be_inside():
     """Areas of a box with walls of a sixth: 6 m2 outside, 6 (2/3)^2 inside, and both are told."""
     sides = {"all": 6.0, "inside:all": 6 * (2 / 3) ** 2, "inside:box:0,0,0,1,1,0.4": None}
@@ -182,6 +190,7 @@ def test_pressure_is_outside_unless_it_is_said_to_be_inside():
         assert load["area"] == pytest.approx(wanted, rel=1e-9)
 
 
+@pytest.mark.truth("upright by piece")
 def test_each_piece_stands_by_itself():
     """Two towers: a sheared one tips beside one that stands, though the hull of both holds it."""
     tower = box_mesh((0.2, 0.2, 1.0), (2, 2, 8))
@@ -209,6 +218,8 @@ def pulled(stress, row, across, grain=()):
 
 @pytest.mark.parametrize("row", [OAK, "Douglas fir (along grain)", "CFRP (along fibre)"])
 @pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.truth("wood across its grain")
+@pytest.mark.slow
 def test_what_has_a_grain_is_judged_along_and_across_it(row, sign):
     """Uniaxial stress: the factor is the row's own strength of that direction over it."""
     along, across = load_strengths()[row], load_cross_strengths()[row]
@@ -233,6 +244,38 @@ def test_a_block_stands_on_its_base_however_it_is_held(supports):
     assert stands.value == pytest.approx(0.1, rel=1e-6)
 
 
+@pytest.mark.parametrize("sides", [(1.0, 1.0, 1.0), (0.4, 1.0, 0.3)])
+@pytest.mark.truth("three points that turn what swells")
+def test_three_points_let_a_body_swell_without_a_turn(tmp_path, sides):
+    """Under a pressure all around all of it is scaled by -p (1 - 2 nu) / E; 1e-3: of p / E."""
+    path, out = tmp_path / "block.msh", tmp_path / "rest.vtu"
+    write_mesh(path, uniform(box_mesh(sides, (2, 2, 2)), E=1e6))
+    words = ("--supports", "three-point", "--gravity", 0, "--pressure", "all=-1000")
+    assert run_here("simulate", path, *words, "-o", out).returncode == 0
+    grid = meshio.read(out)
+    swells = np.column_stack([grid.points, np.ones(len(grid.points))])
+    moved = np.linalg.lstsq(swells, grid.point_data["displacement"], rcond=None)[0][:3]
+    np.testing.assert_allclose(moved, 4e-4 * np.eye(3), atol=4e-7)
+
+
+@pytest.mark.parametrize(("level", "outcome"), [(0.1, "doubtful"), (0.02, "passed"), (0.25, None)])
+@pytest.mark.truth("a support that ends within elements")
+def test_a_support_that_cuts_elements_is_told(tmp_path, level, outcome):
+    """Points at 0 and .25 m alone are held: by x < .1 a cantilever has 1 m to bend for its .9."""
+    path, out = tmp_path / "beam.msh", tmp_path / "rest.vtu"
+    write_mesh(path, uniform(box_mesh((1.0, 0.05, 0.05), (4, 1, 1)), E=7e10))
+    words = ("--fix", f"plane:x<{level}", "--load", "plane:x>1=0,0,-10", "--gravity", 0)
+    done = run_here("simulate", path, *words, "-o", out, "--json")
+    verdicts = {one["detail"]: one for one in json.loads(done.stdout)["sag"]["verdicts"]}
+    if outcome is None:
+        assert "supports" not in verdicts
+        return
+    found = verdicts["supports"]
+    assert (found["outcome"], found["value"]) == (outcome, pytest.approx(level))
+    assert (verdicts["holds shape"]["outcome"] == "doubtful") == (outcome == "doubtful")
+
+
+@pytest.mark.truth("wood across its grain")
 def test_a_slanted_grain_follows_tsai_and_hill():
     """c^4 / X^2 + s^4 / Y^2 + (1 / S^2 - 1 / X^2) s^2 c^2 of a pull at 30 degrees to the grain."""
     X, own = load_strengths()[OAK].limit(), load_cross_strengths()[OAK]
@@ -263,6 +306,7 @@ def strut(row, share):
     return solve(mesh, fix=["plane:z<0"], load={"plane:z>1": (0, 0, -load)}, gravity=0, **known)
 
 
+@pytest.mark.truth("worst E of buckling")
 def test_buckling_takes_the_soft_end_as_strength_takes_the_weak_one():
     """Dead loads, one row: the factor goes with E, and its soft end decides."""
     row = load_table().exact("rigid PVC")
@@ -277,6 +321,7 @@ def test_buckling_takes_the_soft_end_as_strength_takes_the_weak_one():
     assert "soft end" in check.sentence
 
 
+@pytest.mark.truth("frequencies as nu nears a half")
 def test_frequencies_do_not_lock_where_nu_may_be_a_half():
     """f ~ sqrt(E) of a slender rubber rod: a nu of .45 to .495 hardly changes its bending."""
     row = load_table().exact("rubber (natural, vulcanized)")
@@ -289,6 +334,7 @@ def test_frequencies_do_not_lock_where_nu_may_be_a_half():
     assert high / found.frequencies[0] == pytest.approx(np.sqrt(wide), rel=0.02)
 
 
+@pytest.mark.truth("free motions are no frequencies")
 def test_free_motions_of_vibrations_have_names():
     mesh = uniform(box_mesh((0.3, 0.1, 0.1), (6, 2, 2)), E=1e8, rho=500.0)
     every = ("about x", "about y", "about z", "along x", "along y", "along z")
@@ -303,6 +349,7 @@ def test_free_motions_of_vibrations_have_names():
         assert any("Nothing stops it" in warning for warning in found.warnings) == bool(names)
 
 
+@pytest.mark.truth("forces by place")
 def test_the_command_tells_places_too(tmp_path):
     """Loads and reactions by place in JSON, as Python has them."""
     path = tmp_path / "bar.msh"

@@ -85,6 +85,16 @@ def test_parameters_of_another_solver_are_refused(bar, tmp_path):
         match(bar, tmp_path / "m.pvd", solver="spring", with_nu=True)
 
 
+def test_a_great_contrast_is_refused_before_its_ten_minutes(tmp_path, capsys):
+    """Explicit steps go with the root of the stiffest spring: a thousand times as many."""
+    mesh = box_mesh((1.0, 0.1, 0.1), (20, 2, 2))
+    E, even = np.where(mesh.centroids[:, 0] > 0.5, 1e12, 1e6), np.ones(len(mesh.tets))
+    write_mesh(tmp_path / "bar.msh", mesh.with_material(ElementMaterial(E, 0.3 * even, 1e3 * even)))
+    call = ["simulate", str(tmp_path / "bar.msh"), "--solver", "spring", "--fix", "plane:x<0"]
+    assert main([*call, "-o", str(tmp_path / "bar.pvd")]) == 2
+    assert "minutes; --solver lbs or fem" in capsys.readouterr().err
+
+
 def test_what_springs_cannot_do_is_refused(bar):
     for scenario, why in (("modal", "followed in time"), ("tear", "do not tear")):
         with pytest.raises(UsageError, match=why):

@@ -258,6 +258,7 @@ def test_stone_is_crushed_by_its_own_weight_at_its_height():
 
 
 @pytest.mark.slow
+@pytest.mark.truth("force of a squeeze")
 def test_a_squeezed_block_pushes_back_with_its_modulus():
     """E A e of a block of nu 0, which plates that rub do not widen; 2 %: e is not small."""
     mesh = uniform(box_mesh((0.1, 0.1, 0.1), (2, 2, 2)), E=1e6, nu=0.0)
@@ -268,6 +269,7 @@ def test_a_squeezed_block_pushes_back_with_its_modulus():
 
 
 @pytest.mark.long
+@pytest.mark.truth("elements of a fine mesh")
 def test_a_fine_plate_keeps_its_elements_and_yields():
     """A clamped plate of 190,000 unknowns at 1.5 times its yield: quadratic, factor 2 / 3.
 

@@ -32,6 +32,7 @@ def found(result):
         {"law": "neohookean"},
     ],
 )
+@pytest.mark.truth("a check that was not made")
 def test_every_rest_has_a_line_on_buckling(options):
     """Passed, failed, doubtful or not made, and then why."""
     check = found(apx.simulate(bar(), **options))["buckling"]
@@ -40,6 +41,7 @@ def test_every_rest_has_a_line_on_buckling(options):
     assert check.value >= 1 or check.outcome != "passed"
 
 
+@pytest.mark.truth("no green beside a doubted number")
 def test_nothing_is_green_beside_a_coarse_mesh_and_one_line_says_so():
     """Linear elements of a cell across are off by much: what rests on them is in doubt."""
     checks = apx.simulate(bar(), order=1).verdicts()
@@ -54,6 +56,7 @@ def test_nothing_is_green_beside_a_coarse_mesh_and_one_line_says_so():
 
 
 @pytest.mark.slow
+@pytest.mark.truth("no green beside a guess")
 def test_nothing_is_green_beside_a_guess():
     """Nobody says what it is of: neither usual values nor what follows from them are a pass."""
     mesh = box_mesh((0.3, 0.1, 0.1), (6, 2, 2))
@@ -68,6 +71,7 @@ def test_nothing_is_green_beside_a_guess():
     assert [v.outcome for v in sure.verdicts() if v.name == "inside band"] == ["passed"]
 
 
+@pytest.mark.truth("a load on what is fixed")
 def test_a_load_that_reaches_only_fixed_points_is_told():
     """All of it, most of it, or none lands where the body is fixed."""
     for places, outcome in (("plane:x<0", "failed"), ("plane:x<0.2", "passed")):
@@ -120,6 +124,7 @@ def test_a_check_has_its_numbers_in_json():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("cells", [10, 20])
+@pytest.mark.truth("stress at an inner corner")
 def test_a_strength_beside_an_inner_corner_is_in_doubt(cells):
     """An L of steel passes by 1.17 and 1.02, and yields as its mesh is refined: it never passes."""
     box = box_mesh((1.0, 0.1, 1.0), (cells, 1, cells))

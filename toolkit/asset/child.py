@@ -95,7 +95,7 @@ def run_guarded(
             memory_limit = int(share if ours == resource.RLIM_INFINITY else min(share, ours))
         job = {"task": task, "options": dict(options or {}), "memory": memory_limit}
         job["seconds"] = ceil(time_limit)  # the kernel counts whole ones
-        np.savez(folder / _JOB, **arrays, __job__=np.array(json.dumps(job)))  # type: ignore[arg-type]
+        np.savez(folder / _JOB, **arrays, __job__=np.array(json.dumps(job)))  # type: ignore
         (folder / _LOG).touch()
         child = _copy(folder) if task in COPIED and _can_be_copied(memory_limit) else _new(folder)
         ended = used = None
@@ -118,7 +118,7 @@ def run_guarded(
                 os.killpg(child, signal.SIGKILL)
             except ProcessLookupError:
                 log.debug("the child process group had already ended")
-            if not ended or not ended[0]:
+            if ended is None or not ended[0]:
                 ended = os.wait4(child, 0)
             _, status, usage = ended
             code = os.waitstatus_to_exitcode(status)
@@ -223,7 +223,7 @@ def main(folder: Path, parent: int) -> int:
     resource.setrlimit(resource.RLIMIT_CPU, (job["seconds"], job["seconds"] + 1))
     try:
         result = TASKS[job["task"]](arrays, **job["options"])
-        np.savez(folder / "partial.npz", **result)  # type: ignore[arg-type]
+        np.savez(folder / "partial.npz", **result)  # type: ignore
     except Exception as error:  # told to the parent, who decides
         traceback.print_exc()
         (folder / _FAILURE).write_text(f"{type(error).__name__}: {error}")

@@ -32,7 +32,7 @@ def read_collada(path: Path, data: bytes, references: References) -> AssetConten
 
     Raises InputError: Where the unit is no length, or a skin has no joints.
     """
-    from lxml import etree  # type: ignore[attr-defined]
+    from lxml import etree
     from trimesh.util import unique_name
 
     refuse_entities(path, data)
@@ -49,6 +49,8 @@ def read_collada(path: Path, data: bytes, references: References) -> AssetConten
     axis = (root.findtext("{*}asset/{*}up_axis") or "Y_UP").strip()[:1].lower()
     by_id = {element.get("id"): element for element in root.iter("{*}*") if element.get("id")}
     warnings: list[str] = []
+    if holed := sum(1 for _ in root.iter("{*}ph")):
+        warnings.append(Note("collada.holed", count=holed))
     names: dict[str, tuple[str, ...]] = {}
     called: dict[str, Any] = {}
     counts: dict[str | None, int] = {}
@@ -105,7 +107,7 @@ def read_collada(path: Path, data: bytes, references: References) -> AssetConten
         material = getattr(getattr(mesh.visual, "material", None), "name", None)
         surfaces.append(NamedSurface(mesh, found, material))
     up = axis if axis in "xyz" else "y"
-    return AssetContent(surfaces, metres=metres, up=up, warnings=tuple(warnings))  # type: ignore[arg-type]
+    return AssetContent(surfaces, metres=metres, up=up, warnings=tuple(warnings))  # type: ignore
 
 
 COLLADA = Format(

@@ -98,7 +98,8 @@ def read_cad(path: Path, data: bytes, references: References) -> AssetContent:
                 own = f"{known[0] if known else 'solid'} {number + 1}"
             names = (own, *known) if own else tuple(known)
             surfaces.append(surface._replace(mesh=body, node=names))
-    return content._replace(surfaces=surfaces, up=None, up_guess="z")
+    metres = 1.0 if kind == "STEP" else 1e-3  # OpenCASCADE reads IGES of any unit in millimetres
+    return content._replace(surfaces=surfaces, metres=metres, up=None, up_guess="z")
 
 
 def _bodies(mesh: trimesh.Trimesh | PlainMesh) -> list[trimesh.Trimesh | PlainMesh]:
@@ -116,7 +117,7 @@ def _bodies(mesh: trimesh.Trimesh | PlainMesh) -> list[trimesh.Trimesh | PlainMe
         boxes = [(body[0].bounds, body) for body in bodies]
         around = [body for (a, b), body in boxes if (a <= low).all() and (b >= high).all()]
         min(around or bodies, key=lambda body: body[0].volume).append(hole)
-    return [concatenate(body) if len(body) > 1 else body[0] for body in bodies]  # type: ignore[return-value]
+    return [concatenate(body) if len(body) > 1 else body[0] for body in bodies]  # type: ignore
 
 
 CAD = Format(

@@ -57,6 +57,27 @@ MADE_UP_NAME = re.compile(
 )
 
 
+# A unit of length as headers and remarks say it, "File units = inches", and its metres.
+_UNIT = re.compile(r"\bunits?\s*[=:]\s*([a-z]+)", re.IGNORECASE)
+_METRES = {
+    **dict.fromkeys(("mm", "millimeter", "millimeters", "millimetre", "millimetres"), 1e-3),
+    **dict.fromkeys(("cm", "centimeter", "centimeters", "centimetre", "centimetres"), 1e-2),
+    **dict.fromkeys(("m", "meter", "meters", "metre", "metres"), 1.0),
+    **dict.fromkeys(("in", "inch", "inches"), 0.0254),
+    **dict.fromkeys(("ft", "foot", "feet"), 0.3048),
+}
+
+
+def stated_metres(remark: str) -> float | None:
+    """Metres per unit that a remark of a file states, None where it states none.
+
+    >>> stated_metres("# File units = inches")
+    0.0254
+    """
+    said = _UNIT.search(remark)
+    return _METRES.get(said[1].lower()) if said else None
+
+
 class NamedSurface(NamedTuple):
     """One piece of a file: a triangle surface and the names around it, nearest first.
 
@@ -166,7 +187,7 @@ def parse_scene(path: Path, data: bytes, references: References, **options: Any)
     scene = trimesh.load_scene(
         io.BytesIO(data),
         file_type=path.suffix[1:].lower(),
-        resolver=references,  # type: ignore[arg-type]
+        resolver=references,  # type: ignore
         process=False,
         **options,
     )

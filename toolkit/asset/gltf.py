@@ -36,6 +36,7 @@ MOST_ZEROS = 20_000_000  # elements of an accessor without bytes: as many as tri
 MESHOPT = ("EXT_meshopt_compression", "KHR_meshopt_compression", "MESHOPT_compression")
 DRACO, INSTANCES = "KHR_draco_mesh_compression", "EXT_mesh_gpu_instancing"
 VISIBLE, TRANSFORM = "KHR_node_visibility", "KHR_texture_transform"
+GAUSSIANS = "KHR_gaussian_splatting"  # of a primitive of points
 READ = (*MESHOPT, DRACO, INSTANCES, VISIBLE, TRANSFORM, "KHR_mesh_quantization")
 HARMLESS = (
     "KHR_materials_", "KHR_texture_", "EXT_texture_", "MSFT_texture_", "KHR_lights_", "EXT_lights_",
@@ -52,8 +53,10 @@ def read_gltf(path: Path, data: bytes, references: References) -> AssetContent:
     Raises InputError: Where it requires an extension that is not read, or is not valid.
     """
     tree, chunk = chunks(data)
-    if str(tree.get("asset", {}).get("version", "2.0")).split(".")[0] != "2":
-        raise InputError("gltf.version", path=path, version=tree["asset"]["version"])
+    asset = tree.get("asset", {})
+    least = str(asset.get("minVersion", asset.get("version", "2.0")))  # 3.2: that of a reader
+    if least.split(".")[0] != "2" or ("minVersion" in asset and least != "2.0"):
+        raise InputError("gltf.version", path=path, version=least)
     required, unknown = (
         [e for e in tree.get(key, ()) if e not in READ and not e.startswith(HARMLESS)]
         for key in ("extensionsRequired", "extensionsUsed")
@@ -67,6 +70,8 @@ def read_gltf(path: Path, data: bytes, references: References) -> AssetContent:
         for primitive in mesh.get("primitives", ()):
             read = file.primitive(primitive, number)
             if read is None:
+                if GAUSSIANS in primitive.get("extensions", ()):
+                    raise InputError("gltf.gaussians", path=path)
                 if primitive.get("mode") == 0:
                     points.append(file.points(primitive, number))
                 left += 1
@@ -87,7 +92,9 @@ def read_gltf(path: Path, data: bytes, references: References) -> AssetContent:
         warnings.append(Note("gltf.unknown", names=", ".join(unknown)))
     if file.hidden:
         warnings.append(Note("gltf.hidden", count=file.hidden))
-    if left and surfaces:
+    if (others := len(tree.get("scenes", ())) - 1) > 0:
+        warnings.append(Note("gltf.scenes", others=others))
+    if left and (surfaces or not points):
         warnings.append(Note("gltf.lines", count=left))
     cloud = np.concatenate(points) if points and not surfaces else None
     return AssetContent(surfaces, metres=1.0, up="y", cloud=cloud, warnings=tuple(warnings))
@@ -105,8 +112,12 @@ def chunks(data: bytes) -> tuple[dict[str, Any], bytes]:
     """JSON document and binary chunk of a glTF file, text or binary (4.4)."""
     if data[:4] != b"glTF":
         return json.loads(data), b""
-    (size,) = struct.unpack_from("<I", data, 12)
-    return json.loads(data[20 : 20 + size]), data[28 + size :]
+    found, at = {}, 12
+    while at + 8 <= len(data):
+        size, kind = struct.unpack_from("<I4s", data, at)
+        found.setdefault(kind, data[at + 8 : at + 8 + size])
+        at += 8 + size
+    return json.loads(found[b"JSON"]), found.get(b"BIN\0", b"")
 
 
 class Primitive(NamedTuple):
@@ -254,7 +265,8 @@ class _File:
         roots = [number for number in range(len(self.nodes)) if number not in below]
         if scenes:
             roots = scenes[self.tree.get("scene", 0)].get("nodes", [])
-        waiting, seen = [(root, ()) for root in reversed(roots)], set()
+        waiting: list[tuple[Any, tuple[str, ...]]] = [(root, ()) for root in reversed(roots)]
+        seen = set()
         while waiting:
             number, above = waiting.pop()
             if number in seen:
@@ -394,7 +406,7 @@ class _File:
 
         if number not in self._materials:
             material = self.tree["materials"][number]
-            look = dict(material.get("pbrMetallicRoughness", {}))
+            look: dict[str, Any] = dict(material.get("pbrMetallicRoughness", {}))
             for glossy in _glossy(material):
                 look = {
                     "baseColorFactor": glossy.get("diffuseFactor"),

@@ -37,6 +37,7 @@ MAX_FILE_BYTES = 2 * 2**30  # more than this is not an asset but a scan archive
 MAX_TRIANGLES = 20_000_000  # about 2 GB of arrays on the way: the limit of a 24 GB machine
 MAX_PARTS = 256  # beyond it parts are merged by material: nobody names 300 materials in a sentence
 COORDINATE_LIMIT = 1e12  # squares and volumes of larger numbers leave float64
+TETS = "save its tets as .msh of Gmsh 4.1 or .vtu, or its surface as STL or PLY"
 # Formats that are not read, and what to do.
 UNREAD = {
     **dict.fromkeys((".blend", ".max", ".ma", ".mb", ".c4d", ".skp"), "export it as glTF"),
@@ -52,7 +53,28 @@ UNREAD = {
     **dict.fromkeys((".gcode", ".bgcode", ".ctb", ".sl1"), "give the model that was sliced"),
     **dict.fromkeys((".mtl", ".bin", ".ktx2"), "give the .obj or .gltf that names it"),
     **dict.fromkeys((".png", ".jpg", ".jpeg", ".heic", ".mp4", ".mov"), "wanted a shape"),
-    **dict.fromkeys((".zip", ".rar", ".7z", ".gz", ".stpz"), "unpack it first"),
+    **dict.fromkeys((".zip", ".rar", ".7z", ".gz", ".stpz", ".zae", ".tar"), "unpack it first"),
+    **dict.fromkeys((".tgz", ".bz2", ".xz", ".zst"), "unpack it first"),
+    **dict.fromkeys((".md2", ".md5mesh", ".b3d", ".x", ".drc", ".ase"), "export it as glTF"),
+    **dict.fromkeys((".sog", ".lcc", ".rad"), "export the splats as .ply, .splat or .spz"),
+    **dict.fromkeys((".inp", ".bdf", ".nas", ".fem", ".cdb", ".feb", ".k", ".med", ".unv"), TETS),
+    **dict.fromkeys((".cgns", ".exo", ".e", ".xdmf", ".node", ".ele", ".pvtu", ".pvd"), TETS),
+    **dict.fromkeys((".vtm", ".vtr", ".vts", ".vti"), TETS),
+    ".vtp": "export it as STL or PLY",
+}
+# How the files of some kinds begin, the suffixes that they have, and what to do with others.
+BEGINNINGS = {
+    b"glTF": ("a glTF file", (".glb", ".gltf", ".vrm"), "rename it to .glb"),
+    b"ply\n": ("a PLY file", (".ply",), "rename it to .ply"),
+    b"ply\r": ("a PLY file", (".ply",), "rename it to .ply"),
+    b"Kaydara FBX": ("an FBX file", (".fbx",), "rename it to .fbx"),
+    b"ISO-10303-21": ("a STEP file", (".step", ".stp"), "rename it to .step"),
+    b"BLENDER": ("a Blender file", (), "export it as glTF"),
+    b"PXR-USDC": ("a USD file", (), "export it as glTF"),
+    b"#usda": ("a USD file", (), "export it as glTF"),
+    b"#VRML": ("a VRML file", (), "export it as glTF or 3MF"),
+    b"\x1f\x8b\x08": ("packed by gzip", (".spz", ".ingp", ".nvdb"), "unpack it first"),
+    b"PK\x03\x04": ("a zip archive", (".3mf", ".npz", ".pt", ".pth", ".ckpt"), "unpack it first"),
 }
 MOST_NOTE = 4 << 20  # bytes: a web page or a pointer is smaller
 
@@ -169,10 +191,10 @@ def scaled(
 ) -> Asset:
     """Return an asset in metres that so far is in the units of its file, and warn of guesses."""
     _check_scale(size, units)
-    warnings = list(asset.warnings)
+    warnings, guess = list(asset.warnings), ""
     if up is None and not stated.up:
         axis = asset.up.upper() if "-" in asset.up else f"+{asset.up.upper()}"
-        warnings.append(f"the file does not say which axis is up: taken as {axis}; --up sets it")
+        guess = f"which axis is up: taken as {axis}; --up sets it"
     longest = float(asset.size.max())
     factor, unit = 1.0, ""
     if size is not None:
@@ -182,17 +204,22 @@ def scaled(
     elif stated.metres is not None:
         factor = stated.metres
     else:
+        # One line for both guesses
         unit = "the file has no unit: taken as metres; "
+        guess = guess and f"; nor does it say {guess}"
     given = size is not None or units is not None
     asset = replace(asset, up=up or asset.up, size_stated=given)
     longest *= factor
     smallest, largest = USUAL_SIZE
+    if guess and not unit:
+        warnings.append(f"the file does not say {guess}")
+        guess = ""
     if not smallest <= longest <= largest:
         likely = "likely mm, --units mm or --size" if longest > largest else "--size or --units"
         said = "as was stated" if asset.size_stated else f"{likely} sets it"
-        warnings.append(f"{unit}a longest side of {longest:.4g} m is unusual: {said}")
+        warnings.append(f"{unit}a longest side of {longest:.4g} m is unusual: {said}{guess}")
     elif unit:
-        warnings.append(f"{unit}longest side {longest:.4g} m; --size or --units sets it")
+        warnings.append(f"{unit}longest side {longest:.4g} m; --size or --units sets it{guess}")
     if factor != 1:
         for part in asset.parts:
             part.mesh.vertices = part.mesh.vertices * factor
@@ -247,6 +274,11 @@ def _check_path(path: Path) -> None:
             raise InputError("load.pointer", path=path)
         if head.startswith((b"<!doctype html", b"<html")):
             raise InputError("load.web_page", path=path)
+    with path.open("rb") as file:
+        head = file.read(16)
+    for begin, (kind, suffixes, way) in BEGINNINGS.items():
+        if head.startswith(begin) and suffix in ASSET_FORMATS and suffix not in suffixes:
+            raise InputError("load.other", path=path, kind=kind, suffix=suffix, way=way)
     if suffix in UNREAD:
         raise InputError("load.unread", path=path, suffix=suffix, way=UNREAD[suffix])
     if suffix not in ASSET_FORMATS:
@@ -294,7 +326,7 @@ def _joined(meshes: Sequence[trimesh.Trimesh | PlainMesh]) -> trimesh.Trimesh | 
     from trimesh.util import concatenate
 
     plain = (mesh.whole if isinstance(mesh, PlainMesh) else mesh for mesh in meshes)
-    return concatenate(list(plain))  # type: ignore[return-value]
+    return concatenate(list(plain))  # type: ignore
 
 
 def _grouped(surfaces: Sequence[NamedSurface], keys: Sequence[Any]) -> list[list[NamedSurface]]:

@@ -17,7 +17,7 @@ from ...converters.registry import Format, Keeps
 from ...fem.errors import InputError
 from ...fem.note import Note
 from ...predictors.asset import PlainMesh
-from .formats import AssetContent, NamedSurface, References, decoded
+from .formats import AssetContent, NamedSurface, References, decoded, stated_metres
 
 NUMBERS = {"v", "vt", "vn", "f"}
 # Free-form curves and surfaces: the statements that end one.
@@ -43,14 +43,18 @@ def read_obj(path: Path, data: bytes, references: References) -> AssetContent:
 
     Raises InputError: Where numbers have decimal commas, or a face names what is not there.
     """
-    text, warnings = _text(data)
+    text, encoding = _text(data)
+    warnings: list[str] = []
     rows: dict[str, list[list[str]]] = {"v": [], "vt": []}
     # Of every piece its faces, and how many vertices and places stood before each
     pieces: dict[_Piece, tuple[list[list[str]], list[tuple[int, int]]]] = {}
-    piece, objects, libraries, ignored = _Piece(0, "", "", None), 0, [], set()
-    own = None
+    piece, objects, libraries = _Piece(0, "", "", None), 0, []
+    ignored = Counter[str]()
+    own = metres = None
     for line in text.split("\n"):
         words = (COMMENT.sub("", line) if "#" in line else line).split()
+        if line[:1] == "#" and metres is None:
+            metres = stated_metres(line)
         if not words:
             continue
         key, *rest = words
@@ -67,16 +71,22 @@ def read_obj(path: Path, data: bytes, references: References) -> AssetContent:
                 objects += 1
                 piece = _Piece(objects, name, "", piece.material)
             else:
-                given = {"group": name} if key == "g" else {"material": name or None}
+                given: dict[str, Any] = (
+                    {"group": name} if key == "g" else {"material": name or None}
+                )
                 piece = piece._replace(**given)
         elif key == "mtllib":
             libraries.append(line.split(None, 1)[1].strip())
-        elif key in FREE_FORM:
-            ignored.add(key)
-    if ignored:
-        warnings.append(Note("obj.free_form", names=", ".join(sorted(ignored))))
+        elif key in FREE_FORM or key == "l":
+            ignored[key] += 1
+    if names := sorted(ignored.keys() & FREE_FORM):
+        warnings.append(Note("obj.free_form", names=", ".join(names)))
+    if ignored["l"]:
+        warnings.append(Note("obj.lines", count=ignored["l"]))
     points, colours = _table(path, rows["v"], 3)
     uv, _ = _table(path, rows["vt"], 2)
+    if encoding and pieces:  # without any it is no reason
+        warnings.append(Note("obj.encoding", encoding=encoding))
     materials = _materials(libraries, references)
     surfaces = []
     for (piece, (faces, starts)), names in zip(pieces.items(), _names(pieces), strict=True):
@@ -98,16 +108,17 @@ def read_obj(path: Path, data: bytes, references: References) -> AssetContent:
         elif colours is not None:
             mesh.visual.vertex_colors = colours[used]
         surfaces.append(NamedSurface(mesh, names, piece.material))
-    cloud = points if len(points) and not surfaces else None
-    return AssetContent(surfaces, up_guess="y", cloud=cloud, warnings=tuple(warnings))
+    cloud = points if len(points) and not surfaces and not ignored else None
+    known: dict[str, Any] = {"metres": metres, "cloud": cloud, "warnings": tuple(warnings)}
+    return AssetContent(surfaces, up_guess="y", **known)
 
 
 OBJ = Format("OBJ", (".obj",), read=read_obj, keeps=frozenset({Keeps.PARTS}))
 
 
-def _text(data: bytes) -> tuple[str, list[str]]:
-    """Lines of a file, each whole and ended by one mark, in whatever alphabet they are."""
-    warnings = []
+def _text(data: bytes) -> tuple[str, str]:
+    """Lines of a file, each whole and ended by one mark, and their encoding if it is a guess."""
+    encoding = ""
     if data[:2] in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE):
         data = data.decode("utf-16", errors="replace").encode()
     try:
@@ -116,8 +127,7 @@ def _text(data: bytes) -> tuple[str, list[str]]:
         high = HIGH.findall(data)
         encoding = "gb18030" if all(HANZI.fullmatch(run) for run in high) else "cp1252"
         text = data.decode(encoding, errors="replace")
-        warnings.append(Note("obj.encoding", encoding=encoding))
-    return text.replace("\r\n", "\n").replace("\r", "\n").replace("\\\n", " "), warnings
+    return text.replace("\r\n", "\n").replace("\r", "\n").replace("\\\n", " "), encoding
 
 
 def _table(path: Path, rows: list[list[str]], width: int) -> tuple[np.ndarray, np.ndarray | None]:

@@ -17,7 +17,7 @@ from ...converters.registry import Format, Keeps
 from ...fem.errors import InputError
 from ...fem.note import Note
 from ...predictors.asset import PlainMesh, UpAxis
-from .formats import AssetContent, NamedSurface, References, decoded
+from .formats import AssetContent, NamedSurface, References, decoded, stated_metres
 
 if TYPE_CHECKING:
     from ...converters.points.views import Pruning
@@ -28,9 +28,10 @@ if TYPE_CHECKING:
 
 def read_off(path: Path, data: bytes, references: References) -> AssetContent:
     """Read one surface, its polygons cut into fans of triangles."""
-    lines = [line.split("#")[0].split() for line in data.decode(errors="replace").splitlines()]
+    text = data.decode("utf-8-sig", errors="replace")
+    lines = [line.split("#")[0].split() for line in text.splitlines()]
     words = [line for line in lines if line]
-    kind = re.fullmatch(r"(ST)?C?N?(4|n)?OFF", words[0][0])
+    kind = re.fullmatch(r"(ST)?(?:C?N?|NC)(4|n)?OFF", words[0][0])  # MeshLab's are NC
     if "BINARY" in words[0] or (kind and kind[2]):
         raise InputError("readers.off", path=path, kind=" ".join(words[0][:2]))
     if kind:
@@ -71,10 +72,9 @@ OFF = Format("OFF", (".off",), read=read_off)
 _FACET = re.compile(rb"\bfacet\b|\bendsolid\b", re.IGNORECASE)
 _VERTEX = re.compile(rb"\bvertex\s+(\S+)\s+(\S+)\s+(\S+)", re.IGNORECASE)
 _SOLID = re.compile(rb"^[ \t]*(end)?solid\b[ \t]*([^\r\n]*)", re.IGNORECASE | re.MULTILINE)
-_UNIT = re.compile(rb"\bunits?\s*[=:]\s*(mm|cm|m|in(?:ch)?)\b", re.IGNORECASE)
+_CRAMPED = re.compile(rb"\s+(?=(?:facet|(?:end)?solid)\b)", re.IGNORECASE)
 STL_HEADER, STL_TRIANGLE = 84, 50  # bytes
 BOM = b"\xef\xbb\xbf"  # of UTF-8, which editors put before a text
-STL_METRES = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254, "inch": 0.0254}
 
 
 def read_stl(path: Path, data: bytes, references: References) -> AssetContent:
@@ -83,13 +83,14 @@ def read_stl(path: Path, data: bytes, references: References) -> AssetContent:
     Raises InputError: Where the file is cut short.
     """
     data = data.removeprefix(BOM)
-    unit = _UNIT.search(data[:256])
-    metres = STL_METRES[unit[1].decode().lower()] if unit else None
+    metres = stated_metres(data[:256].decode("ascii", "replace"))
     found: list[tuple[str, np.ndarray]] = []
     warnings = []
     announced = int.from_bytes(data[80:STL_HEADER], "little")
     binary = len(data) == STL_HEADER + STL_TRIANGLE * announced  # whatever the header says
     if not binary and data.lstrip()[:5].lower() == b"solid" and _FACET.search(data[:4096]):
+        if b"\n" not in data.strip():  # one line, or lines that end in \r alone
+            data = _CRAMPED.sub(b"\n", data.replace(b"\r", b"\n"))
         marks = [(m.start(), m[1] is None, m[2].decode("utf-8", "replace").strip())
                  for m in _SOLID.finditer(data)]  # fmt: skip
         begins = [(at, name) for at, begin, name in marks if begin]
@@ -115,7 +116,7 @@ def read_stl(path: Path, data: bytes, references: References) -> AssetContent:
         if left := len(data) - STL_HEADER - STL_TRIANGLE * count:
             warnings.append(Note("readers.stl_tail", left=left))
         row = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("more", "<u2")])
-        rows = np.frombuffer(data, row, count, STL_HEADER)
+        rows: Any = np.frombuffer(data, row, count, STL_HEADER)
         found.append(("", rows["corners"].reshape(-1, 3).astype(np.float64)))
     surfaces, names = [], Counter[str]()
     for name, corners in found:
@@ -214,6 +215,7 @@ def read_ply_surface(path: Path, data: bytes, references: References) -> AssetCo
 
                 faces.append(triangle_strips_to_faces(strips))
     points, faces = table.positions, np.concatenate(faces)
+    metres = next(filter(None, map(stated_metres, ply.comments)), None)
     if not len(faces):
         return points_content(table, references.pruning)
     mesh = PlainMesh(points, faces)
@@ -235,7 +237,7 @@ def read_ply_surface(path: Path, data: bytes, references: References) -> AssetCo
         mesh.visual.vertex_colors = np.column_stack(channels)
     elif sum(map(len, colours)) == len(faces):
         mesh.visual.face_colors = np.concatenate(colours)
-    return AssetContent([NamedSurface(mesh)])
+    return AssetContent([NamedSurface(mesh)], metres=metres)
 
 
 UV = ("s", "t", "u", "v", "texture_u", "texture_v")  # names of places in a texture

@@ -31,6 +31,7 @@ METRES = {
 READ = ("core/", "production/", "material/", "trianglesets/")
 MATTER = ("", "normal_part", "ModelPart")  # kinds of the slicers' parts
 SETTINGS = ("Metadata/model_settings.config", "Metadata/Slic3r_PE_model.config")
+SHAPES = {"mesh", "components", "metadatagroup", ""}  # what an object is made of; "": a remark
 NOT_MATTER = ("support", "solidsupport", "other")  # types of objects
 PATH = "{http://schemas.microsoft.com/3dmanufacturing/production/2015/06}path"
 MODEL = "/3D/3dmodel.model"
@@ -56,6 +57,8 @@ def read_threemf(path: Path, data: bytes, references: References) -> AssetConten
     with zipfile.ZipFile(io.BytesIO(data)) as archive:
         if sum(member.file_size for member in archive.infolist()) > MAX_UNPACKED_BYTES:
             raise InputError(f"{path}: unpacks to more than {MAX_UNPACKED_BYTES} bytes")
+        if any(name.lower().startswith("secure/") for name in archive.namelist()):
+            raise InputError("threemf.secure", path=path)
         package = _Package(path, archive)
         metres, items = package.root()
         surfaces = []
@@ -71,7 +74,8 @@ def read_threemf(path: Path, data: bytes, references: References) -> AssetConten
             told = Note("threemf.hole", count=count, kind=kind)
         warnings.append(told)
     if not surfaces:
-        raise InputError("threemf.empty", path=path, left=", ".join(warnings) or "its build")
+        left = "; ".join([*package.warnings, *warnings]) or "it lists no object"
+        raise InputError("threemf.empty", path=path, left=left)
     return AssetContent(surfaces, metres=metres, up="z", warnings=(*package.warnings, *warnings))
 
 
@@ -107,7 +111,7 @@ class _Package:
         self._called: Counter[str] = Counter()
 
     def _xml(self, name: str) -> Any:
-        from lxml import etree  # type: ignore[attr-defined]
+        from lxml import etree
 
         member = self.names.get(name.lstrip("/").lower())
         if member is None:
@@ -148,6 +152,8 @@ class _Package:
             (item.get(PATH) or name, item.get("objectid"), _matrix(item.get("transform")))
             for item in model.iterfind("{*}build/{*}item")
         ]
+        if idle := len(model.findall("{*}build/{*}item[@printable='0']")):
+            self.warnings.append(Note("threemf.idle", count=idle))
         return METRES[unit], items
 
     def _read(self, name: str, model: Any) -> None:
@@ -167,6 +173,7 @@ class _Package:
         for found in model.iterfind("{*}resources/{*}object"):
             extra = {str(e.tag).partition("}")[2] for e in found.iterfind("{*}mesh/*")}
             extra -= {"vertices", "triangles", "trianglesets", ""}
+            extra |= {str(e.tag).partition("}")[2] for e in found} - SHAPES
             extra |= {key.partition("}")[2] for key in found.keys() if "slicestack" in key}
             if extra:
                 note = Note("threemf.dropped", names=", ".join(sorted(extra)))

@@ -218,7 +218,7 @@ class Boxes(NamedTuple):
 
     def corners(self) -> Places:
         """Lower corners [m]."""
-        grid = np.meshgrid(*map(np.arange, self.shape), indexing="ij")
+        grid = np.meshgrid(*(np.arange(n) for n in self.shape), indexing="ij")
         return self.lo + np.stack(grid, axis=-1).reshape(-1, 3) * self.size
 
     def centres(self) -> Places:

@@ -10,6 +10,7 @@ from typing import Annotated, Any
 import tyro
 
 from ...converters.registry import PROGRAMS
+from ..asset import Unit
 from ..options import (
     AssignOptions,
     BatchOptions,
@@ -412,6 +413,12 @@ class SegmentCommand:
     """Surface (obj, ply, stl, glb ...), Gaussian splats, point cloud or density grid."""
     output: Output
     """File to write: .glb with a part a region, which `convert` and `run` take."""
+    size: float | None = None
+    """Longest side of the asset's bounding box [m]."""
+    units: Unit | None = None
+    """Unit of the file's numbers; what states none is taken as metres, with a warning."""
+    up: UpAxis | None = None
+    """Axis that points up, COLMAP's is -y; by default the format's (glTF and OBJ: y, others: z)."""
     common: Flat[Common] = field(default_factory=Common)
 
     shown = staticmethod(terminal.segmented)

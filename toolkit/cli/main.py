@@ -204,13 +204,13 @@ def brief(command: type) -> type:
     """Return ``command`` without its rare options, for its help alone."""
     hints = get_type_hints(command, include_extras=True)
     own: dict[str, Any] = {"__annotations__": {}, "__doc__": command.__doc__}
-    for item in fields(command):
+    for item in fields(command):  # type: ignore
         hint, group = hints[item.name], item.default_factory
         if item.name in RARE and item.default is not MISSING:
-            hint, own[item.name] = tyro.conf.Suppress[hint], item.default
+            hint, own[item.name] = tyro.conf.Suppress[hint], item.default  # type: ignore
         elif isinstance(group, type) and is_dataclass(group):
             inner = brief(group)
-            hint = Annotated[(inner, *get_args(hint)[1:])]
+            hint = Annotated[(inner, *get_args(hint)[1:])]  # type: ignore
             own[item.name] = field(default_factory=inner)
         else:
             continue

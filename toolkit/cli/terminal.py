@@ -62,11 +62,13 @@ _GRAVITY = {"note": ("note", "dim"), "doubt": ("warning", "yellow"), "error": ("
 
 
 def warn(document: Document) -> None:
-    """Print a document's warnings on stderr."""
+    """Print a document's warnings on stderr, without details, which need nothing done."""
     from rich.console import Console
 
     for warning in document.get("warnings", ()):
-        word, style = _GRAVITY[severity_of(warning)]
+        if (severity := severity_of(warning)) == "detail":
+            continue
+        word, style = _GRAVITY[severity]
         Console(stderr=True, highlight=False).print(
             f"{word}:", warning, markup=False, style=style, soft_wrap=True
         )

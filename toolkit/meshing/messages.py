@@ -22,10 +22,11 @@ from .guarantees import (
 from .meshers import FTETWILD, PARTICLES, STUFFING
 
 MOST = 5  # names that a sentence lists
-FEW = 3  # sentences of a conversion, beside the file's unit and axis, before alike ones become one
-# Kinds of what is left out, and of how it was made.
+# Kinds of what is left out, of how it was made and what that blurs, and of what was open: of each
+# there is one sentence.
 OMITTED = ("floaters", "sheets", "thin", "lost", "sheet_share", "part_losses", "missed")
-MAKING = ("attempts", "wider", "too_long", "far", "finer", "over_budget")
+MAKING = ("too_long", "finer", "over_budget", "layers_given_up", "far", "misfit", "beads")
+OPEN = ("whole", "capped", "bridged")
 KEPT_BY = 0.95  # of a plate's thickness: the envelope that keeps it
 FINEST = 1e-4  # of the diagonal: an epsilon that no engine keeps in an hour
 
@@ -39,10 +40,10 @@ def said(report: ConversionReport, layers: int = 1, max_tets: int | None = None)
         least = (1 - losses.capped) * report.input_volume
         got = report.quality.volume
         told.append(Note("messages.capped", share=losses.capped, least=least, got=got))
-    elif share > SHARE_TOLD:
+    elif share > LOSS_TOLD:
         told.append(Note("messages.bridged", share=share))
-    elif holes and not report.whole:
-        told.append(Note("messages.holes", holes=holes))
+    elif share > SHARE_TOLD or (holes and not report.whole):
+        told.append(Note("messages.holes", share=share))
     if report.floaters:
         share = report.floating
         told.append(Note("messages.floaters", count=report.floaters, share=share))
@@ -83,15 +84,13 @@ def said(report: ConversionReport, layers: int = 1, max_tets: int | None = None)
     asked, kept = report.asked_epsilon, report.epsilon
     if kept > asked and not lattice:
         told.append(Note("messages.wider", kept=kept, asked=asked, edge=report.edge_length))
-    for kinds in (OMITTED, MAKING):
+    for kinds in (OMITTED, MAKING, OPEN):
         alike = [note for note in told if getattr(note, "kind", "")[len("messages.") :] in kinds]
-        if len(told) > FEW and len(alike) > 1:  # before nobody reads them
+        if len(alike) > 1:  # before nobody reads them
             at, what = told.index(alike[0]), "; ".join(alike)
-            one = Note("messages.left", what=what)
-            if kinds is MAKING:
-                one = Note("messages.how", what=what)
             told = [note for note in told if note not in alike]
-            told.insert(at, one)
+            head = "left out: " if kinds is OMITTED else ""
+            told.insert(at, Note("messages.alike", head=head, what=what))
     return tuple(told)
 
 

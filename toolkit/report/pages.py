@@ -222,8 +222,8 @@ def _case(
         mesh=simulation.mesh,
         parts=tuple(rows),
         displacement=None if rings else simulation.displacement,
-        von_mises=rests and rests.solved.von_mises,
-        max_von_mises=rests and rests.max_von_mises,
+        von_mises=None if rests is None else rests.solved.von_mises,
+        max_von_mises=None if rests is None else rests.max_von_mises,
         motion=None if rings else simulation.animation.displacement,
         times=None if rings else simulation.animation.times,
         vibrations=None if modes is None else modes.shapes[:, : len(simulation.mesh.points)],
@@ -388,7 +388,7 @@ def _gives_way(simulation: StaticSimulation) -> str:
         words.append(f"not known of {listed(unknown)}, whose material has no strength in the table")
     if factor := simulation.solved.load_factor:
         does = "it buckles at" if factor.value < 1 else "it would buckle at"
-        words.append(f"{does} {times(factor.value)} times its load")
+        words.append(f"{does} {times(factor.value, passed=factor.passed)} times its load")
     else:
         words.append(f"whether it buckles was not checked: {simulation.solved.load_factor_unmade}")
     return "; ".join(words)

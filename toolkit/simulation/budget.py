@@ -7,15 +7,25 @@ measures first frequencies and amplitudes of such bodies beside those of fine on
 
 from __future__ import annotations
 
+import time
+from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from ...converters.points.table import PointTable
+from ...fem.device import one_thread
+from ...fem.elements.assembly import apply_supports, discretise, linear_stiffness, node_supports
+from ...fem.errors import UsageError
+from ...fem.linalg.cholesky import NotPositive, cached_factor, planned_elimination
 from ...fem.material import wave_speed
 from ...fem.mesh import TetMesh, boundary_faces, face_components, material_of
-from ...fem.mpm.method import COST, OVERHEAD
-from ...fem.mpm.time_step import BUDGET, COURANT, largest_modulus
+from ...fem.mpm.boundaries import CLEAR, flight_time, grid_around
+from ...fem.mpm.materials import Substance
+from ...fem.mpm.particles import JELLY, Particles, block_places
+from ...fem.mpm.time_step import BUDGET, COURANT, OVERHEAD, largest_modulus
 from ...fem.note import Note
 from ...fem.scene.scene import Scene
 from ...predictors.asset import Asset, Part, PlainMesh
@@ -23,15 +33,19 @@ from ..options import SimulateOptions
 
 FPS = 30
 # Most tets of a driver, and the share of the budget that its motion may take.
-MOST_TETS, SHARE = 6_000, 0.45
+MOST_TETS, SHARE = 6_000, 0.36
 # Cells of the grids that are tried, the finest first; a body as thin as this many of them bends.
 GRIDS = (48, 40, 32, 28, 24, 20, 16)
 # Steps of a reduced body in a frame: a swing of 3 Hz keeps its height over two seconds.
 STEPS = 2
-# CPU seconds of one core (61,000 splats; reduced bodies of 3,343 and 5,313 tets): of a frame, of a
-# splat in it by a mesh and by particles, of a reduced body, and of each of its tets in 120 steps.
-FRAME, SPLAT, PARTICLE_SPLAT = 0.10, 2.6e-6, 5.0e-6
-REDUCED, REDUCED_TET = 6.0, 1.2e-3
+# What the motion of a reduced body costs [factors of its quadratic elements], of these so many for
+# each of 60 frames; frames and parts of them by the time of a picture (`splat_films.py`).
+BASIS, CHECKED = 9.0, 11.0
+DRAWN, DRAWN_PARTICLES, FIRST = 1.4, 1.6, 6.0
+# Steps of particles beyond those at rest: a bear of gelatin that is dropped takes 1.68 times as
+# many, one of rubber 1.07, what tears 1.7; and cells of the block that their cost is measured with,
+# its steps.
+MORE_STEPS, BLOCK, TRIED = 1.7, 12, 8
 
 
 class Plan(NamedTuple):
@@ -55,34 +69,125 @@ class Plan(NamedTuple):
 
 
 def planned(
-    scene: Scene, options: SimulateOptions, *, method: str, splats: int, flows: bool = False
+    scene: Scene,
+    options: SimulateOptions,
+    *,
+    method: str,
+    picture: float,
+    substances: Mapping[str, Substance] | None = None,
 ) -> Plan:
-    """Choose what drives a film of ``splats`` splats in the time that ``options.budget`` allows.
+    """Choose what drives a film in the time that ``options.budget`` allows, and foretell its cost.
 
-    A body that is held and meets nothing is reduced; what falls, tears or ``flows`` is particles,
-    on the finest grid that fits. What is too stiff for their steps is rigid there. ``method`` is
-    the one that the options name.
+    A body that is held and meets nothing is reduced; what falls, tears or flows, as ``substances``
+    of parts say, is particles, on the finest grid that fits. What is too stiff for their steps is
+    rigid there: where a coarser grid fits on which it bends, that is taken. ``method`` is the one
+    that the options name, ``picture`` [s] the time of drawing one. All costs are measured: of a
+    factor of this body, of steps of such particles.
     """
     frames = round(FPS * options.seconds)
     mesh, limit = scene.mesh, SHARE * float(options.budget or np.inf)
-    tets = len(mesh.tets)
-    if method != "mpm" and not flows and scene.held.fixed.any() and not scene.obstacles:
-        draw = frames * (FRAME + SPLAT * splats)
-        solve = REDUCED + REDUCED_TET * tets * (frames * STEPS / 120)
-        return Plan(replace(options, solver="lbs"), tets, solve, draw)
-    draw = frames * (FRAME + PARTICLE_SPLAT * splats)
+    held, matter = scene.held, substances or {}
+    if method != "mpm" and not matter and held.fixed.any() and not scene.obstacles:
+        draw = picture * (DRAWN * frames + FIRST)
+        solve = factor_seconds(scene) * (BASIS + CHECKED * frames / 60)
+        return Plan(replace(options, solver="lbs"), len(mesh.tets), solve, draw)
+    from ...fem.mpm.solver import RELIST
+
+    draw = picture * (DRAWN_PARTICLES * frames + FIRST)
     material = material_of(mesh)
+    cost = max(particle_seconds(one) for one in set(matter.values()) or {JELLY})
+    met = [*scene.obstacles, *([scene.ground] if scene.ground else [])]
+    v, pull = np.asarray(scene.velocity, float), np.asarray(scene.gravity_vector, float)
+    speed = 2 * scene.longest / scene.duration
+    known = {"nu": material.nu, "rho": material.rho, "dt": 1 / BUDGET}
+    bends = material.E <= largest_modulus(spacing=scene.longest / min(GRIDS), **known)  # type: ignore
+    plans = []
     for grid in GRIDS:
-        spacing = scene.longest / grid
-        soft = material.E <= largest_modulus(material.nu, material.rho, spacing, 1 / BUDGET)
+        spacing, flight = scene.longest / grid, 0.0
+        if v.ndim == 1 and not held.fixed.any():
+            falls = (v, pull, scene.duration)
+            flight = flight_time(mesh.points, met, *falls, room=CLEAR * spacing)
+        soft = material.E <= largest_modulus(spacing=spacing, **known)  # type: ignore
         waves = wave_speed(material.E, material.nu, material.rho)[soft]
-        speed = float(waves.max(initial=0.0)) + 2 * scene.longest / scene.duration
-        steps = scene.duration * speed / (COURANT * spacing)
+        left = scene.duration - flight
+        fastest = max(speed, float(np.linalg.norm(v + flight * pull)) / 2 if v.ndim == 1 else 0.0)
+        steps = MORE_STEPS * left * (float(waves.max(initial=0.0)) + fastest) / (COURANT * spacing)
+        lists = fastest / 2 * left / (RELIST * spacing)
         particles = 8 * mesh.volumes.sum() / spacing**3
-        solve = steps * (OVERHEAD + COST * particles)
-        if solve <= limit:
-            break
-    return Plan(replace(options, solver="mpm", grid=grid), grid, solve, draw)
+        solve = steps * (OVERHEAD + cost.step * particles) + MORE_STEPS * lists * cost.listing
+        plan = Plan(replace(options, solver="mpm", grid=grid), grid, solve, draw)
+        plans.append((max(solve, limit), bool((bends & ~soft).any()), plan))
+    return min(plans, key=lambda one: one[:2])[2]  # of those alike the first, the finest
+
+
+def check_budget(options: SimulateOptions) -> None:
+    """Refuse a budget or a film's length that is none, before anything is made for it."""
+    if not float(options.budget or 0) > 0 or not 0.1 <= options.seconds <= 60:
+        raise UsageError("budget.range", budget=options.budget, seconds=options.seconds)
+
+
+class ParticleSeconds(NamedTuple):
+    """CPU seconds: of a particle in a ``step``, and of a ``listing`` of nodes near to a body."""
+
+    step: float
+    listing: float
+
+
+def particle_seconds(substance: Substance) -> ParticleSeconds:
+    """Measure them on this machine, by some steps of a shaken block of such matter."""
+    from ...fem.mpm.solver import MpmSolver
+
+    rng, size = np.random.default_rng(0), (float(BLOCK),) * 3
+    x = block_places((0.0, 0.0, 0.0), size, 1.0)
+    known: Any = {"E": 1e4, "nu": 0.3, "rho": 1e3, "substance": substance}
+    block = Particles.of(x, 1 / 8, **known, velocity=0.01 * rng.standard_normal(x.shape))
+    solver = MpmSolver(block, grid_around((0.0, 0.0, 0.0), size, 1.0))
+    solver.cloud.write("H", 0.02 * rng.standard_normal((len(x), 3, 3)))
+    solver.substep.set_step(1e-3, 0.0)
+    solver.substep.run(1)  # its kernels are loaded
+    taken = []
+    for _ in range(3):
+        began = time.process_time()
+        solver.substep.run(TRIED)
+        middle = time.process_time()
+        solver.cloud.sort()
+        solver.substep.list_nodes(0.0)
+        taken.append(((middle - began) / TRIED, time.process_time() - middle))
+    step, listing = np.median(taken, axis=0)
+    return ParticleSeconds(float(step) / len(x), float(listing))
+
+
+def factor_seconds(scene: Scene) -> float:
+    """CPU seconds of a factor of the body's quadratic elements, which its modes find made."""
+    grid = discretise(scene.mesh, 2)
+    held = node_supports(scene.held, grid.space)
+    with one_thread():
+        matrix = linear_stiffness(grid, material_of(scene.mesh))
+        apply_supports(matrix, held.fixed, held.springs)
+        plan = planned_elimination(matrix, grid.space.edges)
+        began = time.process_time()
+        with suppress(NotPositive):  # a hinge: modes tell
+            cached_factor(matrix, plan)
+        return time.process_time() - began
+
+
+def picture_seconds(table: PointTable) -> float:
+    """CPU seconds of a picture of the splats of a table, at rest, over a ground."""
+    from ...converters.points import film
+    from ...predictors.appearance.views import ring
+
+    shown = film.Shown(table)
+    rest = shown.rest()
+    bounds = np.nanquantile(rest.means, film.EDGES, axis=0)
+    camera = ring(bounds, count=1, up="z", pixels=film.PIXELS)[0]
+    size = float(np.linalg.norm(np.ptp(bounds, axis=0)))
+    taken = []
+    for _ in range(3):  # the first loads what draws
+        began = time.process_time()
+        stage = film.Stage(bounds.mean(axis=0), size, "z", float(bounds[0, 2]))
+        film.picture([shown], [rest], camera, stage)
+        taken.append(time.process_time() - began)
+    return min(taken[1:])
 
 
 def paced(scene: Scene, options: SimulateOptions) -> Scene:

@@ -43,7 +43,7 @@ from ...predictors.asset import UpAxis
 from ..asset.document import BodyRecord, read_known
 from ..options import EXPECTED, SimulateOptions, with_given
 from ..verdict.simulation import ModalSimulation, MotionSimulation, Simulation, StaticSimulation
-from .budget import Plan, paced, planned
+from .budget import Plan, check_budget, paced, planned
 
 if TYPE_CHECKING:
     from ...fem.mpm.method import MpmMethod
@@ -156,21 +156,23 @@ def film_plan(
     mesh: TetMesh,
     options: SimulateOptions,
     *,
-    splats: int,
+    picture: float,
     up: UpAxis,
     materials: Mapping[str, str] | None = None,
     classes: Mapping[str, str] | None = None,
 ) -> Plan:
-    """What drives a film of ``splats`` splats within ``options.budget``, and what it will take."""
-    if not float(options.budget or 0) > 0 or not 0.1 <= options.seconds <= 60:
-        raise UsageError("budget.range", budget=options.budget, seconds=options.seconds)
+    """What drives a film within ``options.budget``, and what it will take.
+
+    ``picture`` [s] is the time that one picture of it takes.
+    """
+    check_budget(options)
     scenario = _scenario(options, conditions_of_options(options).gravity)
     method = method_name(options, scenario)
     scene = scene_of_options(mesh, options, up=up, materials=materials)
     said = substances(options.matter, materials)
     left = {part: row for part, row in (materials or {}).items() if part not in said}
     flowing = {**flowing_substances(left, classes or {})[0], **said}
-    known = {"splats": splats, "flows": bool(flowing)}
+    known: Any = {"picture": picture, "substances": flowing}
     return planned(paced(scene, options), options, method=method, **known)
 
 
@@ -205,6 +207,8 @@ def scene_of_options(
     if kind in ("dynamics", "spring", "lbs") and conditions.move:
         what = f"--scenario {options.scenario}" if kind == "dynamics" else f"--solver {kind}"
         raise UsageError(f"--move is for bodies at rest: {what} is a motion")
+    if conditions.fix and options.supports != SimulateOptions.supports:
+        raise UsageError(f"--supports {options.supports}: --fix takes its place")
     if kind in ("statics", "modal") and conditions.obstacle:
         raise UsageError("scenario.obstacle_at_rest")
     for load in (*LOADS, "move") if kind == "modal" else ():
@@ -350,6 +354,7 @@ def reduced_method(
         moduli = moduli_between(load_fits(options.parameters), options.parameters_alpha)
     return ReducedMethod(
         rounds=ROUNDS if options.budget is None else 0,  # its cost is foretold
+        rough=options.budget is not None,
         kind=Subspace(options.basis),
         handles=options.handles,
         scale=moduli.scale,
@@ -367,18 +372,22 @@ def spring_method(
 
     _check_parameters(options)
     if options.parameters is None:
-        network = {"anchors": options.anchors, "neighbours": options.neighbours, "eta": options.eta}
+        network: dict[str, Any] = {
+            "anchors": options.anchors,
+            "neighbours": options.neighbours,
+            "eta": options.eta,
+        }
         return SpringMethod(**network, announce=announce)
     fit = load_springs(options.parameters)
     for name in ("anchors", "neighbours", "eta"):
         asked, fitted = getattr(options, name), getattr(fit, name)
         if asked not in (fitted, getattr(SimulateOptions, name)):
             raise UsageError("scenario.fitted_with", name=name, asked=asked, fitted=fitted)
-    network = {"anchors": fit.anchors, "neighbours": fit.neighbours, "eta": fit.eta}
+    network: dict[str, Any] = {"anchors": fit.anchors, "neighbours": fit.neighbours, "eta": fit.eta}
     ends = 1 if isnan(fit.stiffer) else 2
     alpha = checked_alpha(options.parameters_alpha, ends)
     stiffer = None if ends == 1 else fit.stiffer**alpha
-    found = {"scale": fit.scale, "surface": fit.surface, "stiffer": stiffer}
+    found: dict[str, Any] = {"scale": fit.scale, "surface": fit.surface, "stiffer": stiffer}
     return SpringMethod(**network, **found, announce=announce)
 
 
@@ -467,7 +476,7 @@ def substances(
             raise UsageError(f"--matter {entry!r}: give {missing[0]}=...: {where}")
         kind = MaterialClass.JELLY if name == BRITTLE else MaterialClass[name.upper()]
         values["seed"] = int(values.get("seed", 0))
-        found[part.strip()] = Substance(kind=kind, **values)
+        found[part.strip()] = Substance(kind=kind, **values)  # type: ignore
     return found
 
 

@@ -26,7 +26,7 @@ from ..driving import Actor, DriveRecord, checked_scale, driven_record, record
 from ..driving import drive as move_carrier
 from ..options import EXPECTED, SimulateOptions, command_line
 from ..verdict.simulation import Simulation
-from .budget import coarsened, shown_states
+from .budget import coarsened, picture_seconds, shown_states
 from .scenario import changed_options, film_plan, frames_told, run_scenario
 
 if TYPE_CHECKING:
@@ -215,7 +215,7 @@ def _within_budget(
     from ...converters.points.table import read_points
 
     mesh = coarsened(mesh)
-    plan = film_plan(mesh, options, splats=len(read_points(drive)), **known)
+    plan = film_plan(mesh, options, picture=picture_seconds(read_points(drive)), **known)
     if progress is not None:
         progress(EXPECTED + plan.words, 0.0)
     return mesh, plan.options

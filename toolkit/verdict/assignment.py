@@ -18,15 +18,16 @@ from ...predictors.construction import MassInterval
 from ...predictors.field import MaterialField
 from ..asset.document import BodyRecord, Sidecar, is_guess, mesh_document
 from ..meshing.messages import listed
-from ..walls import FAR_APART, BuiltPart
 from .check import Check, as_table, in_a_line
 
 if TYPE_CHECKING:
     from ...converters.transfer import SampledMesh
     from ...predictors.prediction import Numbered, PartChoice
+    from ..walls import BuiltPart
 
 # A network's own E that leaves the range of the nearest row by more than this is told.
 UNLIKE = 2.0
+FAR_APART = 2.0  # high / low: below it a mass is known well enough to say nothing
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,7 +121,11 @@ class Assignment:
         }
 
     def region_rows(self) -> list[dict[str, Any]]:
-        """One row a region of like look, by number: its part, fraction of the cells, middle [m]."""
+        """One row a region of like look, by number: its part, fraction of the cells, middle [m].
+
+        The middle is that of the region's cell which is nearest to the mean of all, so that
+        ``--at`` finds the region there, be it a ring around another.
+        """
         if self.regions is None or self.field.part is None:
             return []
         number, grid = self.regions.number, self.field.grid
@@ -129,7 +134,11 @@ class Assignment:
         size = np.bincount(own)
         part = np.zeros((len(size), len(self.field.part_names)), dtype=int)
         np.add.at(part, (own, self.field.part[inside]), 1)
-        middle = np.stack([np.bincount(own, axis) for axis in grid.to_world(cells).T], axis=1)
+        places = grid.to_world(cells)
+        mean = np.stack([np.bincount(own, axis) for axis in places.T], axis=1)
+        away = np.linalg.norm(places - (mean / size.clip(min=1)[:, None])[own], axis=1)
+        order = np.lexsort((away, own))
+        middle = places[order[np.searchsorted(own[order], np.arange(len(size)))]]
         material = {choice.part: choice.material for choice in self.choices}
         return [
             {
@@ -137,10 +146,11 @@ class Assignment:
                 "part": self.field.part_names[part[k].argmax()],
                 "material": material[self.field.part_names[part[k].argmax()]],
                 "fraction": float(size[k] / len(own)),
-                "middle": (middle[k] / size[k]).tolist(),
+                "middle": middle[k].tolist(),
                 "colour": "#" + "".join(f"{round(255 * float(c)):02x}" for c in colour),
             }
             for k, colour in enumerate(self.regions.colours.clip(0, 1))
+            if size[k]
         ]
 
     def mass_interval(self) -> MassInterval:
@@ -193,7 +203,7 @@ class Assignment:
         low, high = self.mass_interval()
         parts = [b.construction.part for b in self.built if b.construction.form == "unknown"]
         if parts and high > FAR_APART * low:
-            told = {"mass": self.mesh.mass, "low": low, "high": high}
+            told: dict[str, Any] = {"mass": self.mesh.mass, "low": low, "high": high}
             told |= {"parts": listed(parts), "are": "are" if len(parts) > 1 else "is"}
             said = Note("checks.may_be_hollow", **told)
             found.append(Check("mass", "failed", said, high, FAR_APART * low, "kg"))

@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from ...fem.note import Note
+from ...fem.note import Note, severity_of
 from .sentences import template
 
 Outcome = Literal["passed", "failed", "doubtful", "not made"]
@@ -24,13 +24,14 @@ SERIOUS = (
 # Option that changes the outcome, by the check's name.
 PARAMETERS = {
     "holds shape": "size", "buckling": "material", "upright": "fix", "strength": "material",
-    "discretisation": "edge_length_rel", "locking": "order", "first frequency": "material",
+    "discretisation": "edge_length_rel", "locking": "order", "supports": "fix",
+    "first frequency": "material",
     "distinguishable": "scenario", "dial": "set", "energy": "solver", "fast swing": "scenario",
     "size": "size", "mass": "wall", "body": "edge_length", "inside band": "material",
 }  # fmt: skip
 # What the answer of every check rests on: one that passed is in doubt where any of these is.
 BODY = ("body", "size", "materials", "loads")
-SOLVED = ("attached", "discretisation", "locking")
+SOLVED = ("attached", "supports", "discretisation", "locking")
 RESTS_ON = {
     "holds shape": (*BODY, *SOLVED, "buckling"),
     "buckling": (*BODY, *SOLVED),
@@ -193,7 +194,7 @@ def _facts(document: Mapping[str, Any]) -> Iterator[str]:
         yield f"{failed} verdict{'s' * (failed > 1)} not met"
     if unmade := sum(verdict["mark"] == "unmade" for verdict in _verdicts(document)):
         yield f"{unmade} not made"
-    if count := len(document.get("warnings", ())):
+    if count := sum(severity_of(one) != "detail" for one in document.get("warnings", ())):
         yield f"{count} warning{'s' * (count > 1)}"
 
 

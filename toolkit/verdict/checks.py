@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from ...fem.reactions import standing_pieces
 from ...fem.safety import Safety
 from ...fem.scene.loads import resultant
 from ...fem.scene.scene import Scene
+from ...fem.scene.selection import TOUCH
 from ...fem.solve.contact import support_polygon
 from ...fem.solve.result import (
     BENDS_ALIKE,
@@ -32,17 +34,22 @@ from ...fem.solve.result import (
 )
 from ...fem.uncertainty import Interval, Likely
 from ..meshing.messages import listed
-from .check import Check, Outcome
+from .check import Check, Outcome, si
 
 # A body holds its shape if no point moves more than this fraction of its longest side.
 HOLDS = 0.05
 CRUMBS = 1e-3  # fraction of the volume that may be attached to nothing that is held
 # A displacement is trusted to this discretisation error.
 TRUSTED = 0.1
+# An error of a factor that is told beside it.
+TOLD = 0.01
 # A body stands where it buckles under no less than this multiple of its load.
 STANDS = 1.0
 SLIDES = 0.05  # friction [1] that any ground has but ice; less is not told
 TAKEN_UP = 0.5  # fraction of a load that may land on fixed points
+# Of its longest side a support may go on past the points that are held: thrice that is what the
+# deflection of a cantilever is off by.
+UNHELD = 0.02
 GRAVITY = 9.81  # [m/s^2], of a scene that leaves the weight out, as wind and a finger do
 USUAL_STEP = 1e-4  # [s], of explicit simulators
 # A first frequency below this is seen as wobbling.
@@ -71,9 +78,11 @@ def percent(value: float) -> str:
     return f"{100 * value:.2g} %" if value < 0.995 else f"{100 * value:,.0f} %"
 
 
-def times(factor: float) -> str:
-    """A factor in words: three digits, unless it is large."""
-    return f"{factor:.3g}" if factor <= SAFE_TOLD else f"more than {SAFE_TOLD:.0f}"
+def times(factor: float, *, passed: bool = False) -> str:
+    """A factor in words: three digits, unless it is large or was ``passed``."""
+    if passed or factor > SAFE_TOLD:
+        return f"more than {min(factor, SAFE_TOLD):.4g}"
+    return f"{factor:.3g}"
 
 
 def _passed(passed: bool) -> Outcome:
@@ -126,19 +135,22 @@ def buckling(factor: LoadFactor | None, why: str = "", *, ends: Interval | None 
     """Whether the body takes its load without buckling; without a factor ``why`` is told.
 
     ``ends`` are the factors of its softest and its stiffest materials: the softest decides. A mesh
-    is stiffer than its body, the more so in the finer waves of a shape that buckles: a factor this
-    little above the limit is in doubt (a strip's that tips aside was 6 % too high).
+    is stiffer than its body, the more so in the finer waves of a shape that buckles: a factor that
+    may be below the limit for that is in doubt, by what it is estimated to be off or a tenth.
     """
     if factor is None:
         said = Note("checks.buckling_unmade", why=why)
         return Check("buckling", "not made", said, np.nan, STANDS, why=why)
     least = factor.value if ends is None else min(ends.low, factor.value)
-    passed, told = least >= STANDS, {"times": times(least), "limit": STANDS}
+    passed, margin = least >= STANDS, np.fmax(factor.bound, TRUSTED)
+    high = Note("checks.too_high", about=percent(factor.error)) if factor.error > TOLD else ""
+    told: dict[str, Any] = {"times": times(least, passed=factor.passed and least == factor.value)}
+    told |= {"limit": STANDS, "high": high}
     said = Note("checks.stands" if passed else "checks.buckles", **told)
     if least < factor.value:
         said += Note("checks.at_softest", middle=times(factor.value))
-    if passed and least < STANDS * (1 + TRUSTED):
-        why = Note("checks.nearly_buckles", margin=percent(TRUSTED))
+    if passed and least < STANDS * (1 + margin):
+        why = Note("checks.nearly_buckles", margin=percent(margin))
         return Check("buckling", "doubtful", f"{said} {why}", least, STANDS, why=why)
     return Check("buckling", _passed(passed), said, least, STANDS)
 
@@ -158,6 +170,21 @@ def stays_upright(result: SagResult, scene: Scene) -> tuple[Check, ...]:
     if np.isinf(inside):
         said = Note("checks.lifts_off")
     return (Check("upright", _passed(passed), said, inside, 0.0, "m"),)
+
+
+def supports_reach(scene: Scene) -> tuple[Check, ...]:
+    """Whether points of the mesh are where the supports end; none where their borders cut no tet.
+
+    Points alone are held: what a support has of the tets that its border cuts can move.
+    """
+    beyond, name = max(((hold.beyond, hold.name) for hold in scene.holds), default=(0.0, ""))
+    share = beyond / scene.longest
+    if not share > TOUCH:
+        return ()
+    passed = share <= UNHELD
+    told = {"place": name, "beyond": si(beyond, "m"), "share": percent(share)}
+    said = Note("checks.supports_reach" if passed else "checks.supports_end", **told)
+    return (Check("supports", "passed" if passed else "doubtful", said, share, UNHELD),)
 
 
 def loads_reach(scene: Scene) -> tuple[Check, ...]:
@@ -269,7 +296,7 @@ def strength(safety: Safety, error: DiscretisationError | None = None) -> Check:
     passed, (does, limit) = factor >= SAFE, gives_way(safety)
     told = {"of": limit, "does": does, "times": times(factor), "past": 1 / factor, "at": place}
     said = Note("checks.strong" if passed else "checks.weak", **safety._asdict(), **told)
-    where = {"part": safety.part, "place": safety.place}
+    where: dict[str, Any] = {"part": safety.part, "place": safety.place}
     outcome, why = _passed(passed), ""
     if passed and error is not None and safety.place is not None:
         from_centre = lambda p: float(np.linalg.norm(np.subtract(safety.place, p.centre)))  # noqa: E731

@@ -198,8 +198,8 @@ class Conversion:
     def warnings(self) -> list[str]:
         """What was assumed, left out or found odd."""
         pieces = self.report.quality.components
-        apart = f"the mesh is in {pieces} pieces that do not touch: each stands or hangs by itself"
-        return [*self.asset.warnings, *self.report.warnings, *([apart] if pieces > 1 else [])]
+        apart = [Note("messages.apart", pieces=pieces)] if pieces > 1 else []
+        return [*self.asset.warnings, *self.report.warnings, *apart]
 
     @property
     def known_walls(self) -> WallOptions:

@@ -219,6 +219,8 @@ class StaticSimulation(Simulation):
             "height": self.solved.height,
             "max_von_mises": self.max_von_mises,
             "load_factor": factor and factor.value,
+            "load_factor_error": factor and factor.error,
+            "load_factor_passed": factor and factor.passed,
             "safety": [{**s._asdict(), "factor": s.factor} for s in self.safety],
             "intervals": self.intervals,
             "reaction": static.reaction.sum(axis=0),
@@ -270,7 +272,7 @@ class StaticSimulation(Simulation):
     @cached_property
     def intervals(self) -> dict[str, Any] | None:
         """Lowest and highest mass [kg], displacement [m] and frequencies [Hz]; None: not known."""
-        known = {"draws": self.draws, "exact": self.exact, "modes": self.modes}
+        known: dict[str, Any] = {"draws": self.draws, "exact": self.exact, "modes": self.modes}
         return ranged_answers(self.scene, self.materials, result=self.solved, **known)
 
     @property
@@ -298,6 +300,7 @@ class StaticSimulation(Simulation):
             stays_upright,
             strength,
             strength_unmade,
+            supports_reach,
         )
 
         names, used = self.mesh.region_names, np.unique(self.mesh.region)
@@ -306,6 +309,7 @@ class StaticSimulation(Simulation):
         softest = known.get("load_factor")
         checks = [
             *static_checks(self.solved, size_stated=self.size_stated, load_factors=softest),
+            *supports_reach(self.scene),
             *loads_reach(self.scene),
             *stays_upright(self.solved, self.scene),
             *(strength(one, self.solved.discretisation_error) for one in self.safety),
@@ -495,7 +499,7 @@ class ModalSimulation(Simulation):
     @cached_property
     def intervals(self) -> dict[str, Any] | None:
         """Lowest and highest mass [kg] and frequencies [Hz]; None where no range is known."""
-        known = {"draws": self.draws, "exact": self.exact, "modes": self.modes}
+        known: dict[str, Any] = {"draws": self.draws, "exact": self.exact, "modes": self.modes}
         return ranged_answers(self.scene, self.materials, **known)
 
     @property

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -88,7 +88,7 @@ class _Dice:
     """Random tensors from one generator on one device."""
 
     def __init__(self, generator: torch.Generator, device: torch.device) -> None:
-        self._options = {"generator": generator, "device": device}
+        self._options: dict[str, Any] = {"generator": generator, "device": device}
 
     def uniform(self, *shape: int) -> torch.Tensor:
         import torch
@@ -154,7 +154,7 @@ def _lit(
     return diffuse + light.mirrored * fresnel * (GROUND + (SKY - GROUND) * sky + GLARE * highlight)
 
 
-def _looking(size: torch.Size, device: torch.device) -> torch.Tensor:
+def _looking(size: tuple[int, ...], device: torch.device) -> torch.Tensor:
     """Unit directions (1, 3, h, w) of the rays of the corpus's cameras, in the camera's axes."""
     import torch
 

@@ -56,6 +56,6 @@ class TrainingConfig:
         if "noise" in mixture:
             mixture = {**mixture, "noise": tuple(mixture["noise"])}
         try:
-            return cls(**data, network=network, mixture=Mixture(**mixture))
+            return cls(**data, network=network, mixture=Mixture(**mixture))  # type: ignore
         except TypeError as error:
             raise InputError(f"training config: {error}") from error

@@ -94,7 +94,7 @@ def new_network(config: TrainingConfig, start: Path | None) -> FilmUNet:
     if start is not None:
         load_matching(network, start)
     network.to(device=config.device)
-    network.to(memory_format=torch.channels_last_3d)  # type: ignore[call-overload]
+    network.to(memory_format=torch.channels_last_3d)  # type: ignore
     return network
 
 

@@ -22,6 +22,7 @@ from ..trainer import Losses, Report, Trained, train_network
 from .network import RegionBatch, RegionTransformer
 from .sampler import FOLDS, Habits, RegionSampler
 
+LEAST = 1e-2  # of the largest weight of a row: its step is a number of half precision
 EACH = 0.3  # what a region counts for itself, beside its volume: small things count too
 
 
@@ -30,7 +31,7 @@ class RegionConfig:
     """A training run of ``networks`` seeds; the data are those of one file."""
 
     options: TrainerOptions
-    networks: int = 4
+    networks: int = 9
     folds: int = FOLDS  # of which the certainty is learned; 0 leaves it as the network says it
     seed: int = 0
     habits: Habits = field(default_factory=Habits)
@@ -176,14 +177,20 @@ def write_regions(
 
 
 def save_regions(path: Path, networks: Sequence[RegionTransformer], facts: dict[str, Any]) -> None:
-    """Write networks as float16 safetensors, one along the first axis."""
+    """Write networks, one along the first axis; of matrices bytes, and a step for every row."""
     from safetensors.torch import save_file
 
     states = [network.state_dict() for network in networks]
-    tensors = {
-        name: torch.stack([state[name].cpu() for state in states]).half().contiguous()
-        for name in states[0]
+    stacked = {
+        name: torch.stack([state[name].cpu() for state in states]).float() for name in states[0]
     }
+    tensors = {}
+    for name, whole in stacked.items():
+        tensors[name] = whole.half()
+        if whole.ndim > 2:  # a matrix
+            step = (whole.abs().amax(dim=-1, keepdim=True).clamp(min=LEAST) / 127).half()
+            tensors[name] = torch.round(whole / step.float()).clamp(-127, 127).to(torch.int8)
+            tensors[f"{name}.step"] = step
     told = {name: json.dumps(fact) for name, fact in facts.items()}
     save_file(tensors, path, metadata=told)
 

@@ -131,9 +131,9 @@ class RegionSampler:
         self.materials = put(np.concatenate([corpus.material_vectors, none]))
         self.kind, self.category = put(corpus.material_kind), put(corpus.category)
         self.categories = len(corpus.facts["categories"])
-        # of each thing those of the hands, and those put together anew, else the hands' again
+        # of each thing the hands' and those put together anew; where it has none, the other ones
         own = [
-            [q if len(q) else by[0] for q in by]
+            [q if len(q) else by[1 - way] for way, q in enumerate(by)]
             for i in range(len(corpus.real))
             for by in [[np.flatnonzero((corpus.of == i) & (corpus.anew == way)) for way in (0, 1)]]
         ]

@@ -193,7 +193,7 @@ class Generator:
                 self._slot(value, owners, role, out)
 
     def _slot(self, slot: str, owners: tuple[int, ...], role: int, out: list[Piece]) -> None:
-        article, who, number, name = _SLOT.fullmatch(slot).groups()  # pyright: ignore
+        article, who, number, name = _SLOT.fullmatch(slot).groups()  # type: ignore
         if name is None:  # how a part is called
             out.append(Piece(self.call(self.units[who], article), owners, role))
             return

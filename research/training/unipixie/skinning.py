@@ -88,7 +88,7 @@ def largest_piece(label: np.ndarray) -> np.ndarray:
     """Whether a cell (x, y, z) of a labelled cube is of its largest connected piece."""
     from scipy.ndimage import label as pieces_of
 
-    piece, _ = pieces_of(label != EMPTY)  # type: ignore[misc]
+    piece, _ = pieces_of(label != EMPTY)
     return piece == np.bincount(piece.ravel())[1:].argmax() + 1
 
 

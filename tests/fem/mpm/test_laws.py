@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from autophyx_tet.fem.errors import InputError
+from autophyx_tet.fem.mpm.boundaries import grid_around
 from autophyx_tet.fem.mpm.kernels_transfer import OPEN
 from autophyx_tet.fem.mpm.materials import (
     SNOW_COMPRESSION,
@@ -11,7 +12,9 @@ from autophyx_tet.fem.mpm.materials import (
     plane_friction,
     triaxial_friction,
 )
-from autophyx_tet.fem.mpm.solver import elastic_density
+from autophyx_tet.fem.mpm.particles import Particles
+from autophyx_tet.fem.mpm.solver import MpmSolver
+from scipy.linalg import expm
 
 from ..bodies import random_rotation
 from .points import EYE, deviator, driven, shear
@@ -168,9 +171,40 @@ def test_jelly_is_the_law_of_the_finite_elements():
     wp.launch(elastic_kernels(LAWS["neohookean"]).stress, 1, [*given, W, P])
     # Round-off in another order of sums.
     assert np.allclose(tau[-1], P.numpy()[0] @ F.T, rtol=1e-12, atol=1e-7)
-    numbers = (lam.numpy(), mu.numpy(), np.zeros(1))
-    energy = elastic_density(MaterialClass.JELLY, (F - EYE)[None], *numbers)
-    assert energy == pytest.approx(W.numpy(), rel=1e-12)
+    assert energy_of(Substance(), F, E=1e5, nu=0.4) == pytest.approx(W.numpy()[0], rel=1e-12)
+
+
+def energy_of(substance, F, *, E, nu):
+    """Elastic energy [J] of a particle of 1 m^3, as the solver tells it."""
+    body = Particles.of(np.full((1, 3), 0.5), 1.0, E=E, nu=nu, rho=1e3, substance=substance)
+    solver = MpmSolver(body, grid_around([0.0] * 3, [1.0] * 3, 1.0))
+    solver.cloud.write("H", (F - EYE)[None])
+    return solver.elastic_energy
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "substance",
+    [
+        Substance(corotated=True),
+        Substance(kind=MaterialClass.METAL, yield_stress=1e9),
+        Substance(kind=MaterialClass.SAND, friction=50.0),
+        Substance(kind=MaterialClass.VISPLAS, yield_stress=1e9, viscosity=1.0),
+        Substance(kind=MaterialClass.SNOW, hardening=0.0),
+        Substance(kind=MaterialClass.FLUID, bulk=1e5),
+    ],
+    ids=lambda s: "corotated" if s.corotated else s.kind.name,
+)
+def test_stress_is_what_the_energy_grows_by(substance):
+    """W(exp(h A) F) grows by h tau : A, for a matrix A, while nothing yields; pressed, for sand."""
+    rng = np.random.default_rng(2)
+    F = 0.99 * EYE + 0.004 * rng.standard_normal((3, 3))
+    A, h = rng.standard_normal((3, 3)), 1e-6
+    if substance.kind == MaterialClass.FLUID:  # it keeps J - 1 in the first entry
+        F, A = np.diag([np.linalg.det(F), 1.0, 1.0]), np.diag([1.0, 0.0, 0.0])
+    tau = driven(substance, lambda t: F, E=1e5, nu=0.3, steps=1)[0][-1]
+    up, down = (energy_of(substance, expm(s * A) @ F, E=1e5, nu=0.3) for s in (h, -h))
+    assert (up - down) / (2 * h) == pytest.approx((tau * A).sum(), rel=1e-6)
 
 
 @pytest.mark.slow

@@ -60,6 +60,7 @@ def test_of_the_linear_law_it_is_exact(scheme):
     assert found.largest == pytest.approx(np.linalg.norm(full - path, axis=2).max(), rel=1e-5)
 
 
+@pytest.mark.slow
 def test_a_bent_body_s_is_near():
     """Modes that lock, of a bar that bends by a tenth of its length: within a fifth of the truth.
 

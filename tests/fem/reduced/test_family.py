@@ -38,6 +38,7 @@ def between(share):
 
 
 @pytest.mark.parametrize("grain", [False, True])
+@pytest.mark.slow
 def test_members_are_the_full_body_s(grain):
     """Those that the basis learned, to what it leaves out; others to 1 % at rest and in f1.
 

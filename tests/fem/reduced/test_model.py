@@ -81,6 +81,7 @@ def test_what_a_free_body_can_do_it_can_do_turned(free):
 
 
 @pytest.mark.parametrize("law", LAWS.names)
+@pytest.mark.slow
 def test_energy_and_force_are_the_full_body_s(held, law):
     """W(U q), and its gradient pulled back: the sums over tets are the same but for round-off."""
     q = state(held)

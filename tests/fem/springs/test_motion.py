@@ -152,7 +152,7 @@ def test_friction_stops_what_slides():
 
 
 def test_what_springs_do_not_know_is_said():
-    """Nu, thickness; other obstacles than planes, and runs of hours, are refused."""
+    """Nu, thickness; other obstacles than planes, and runs of ten minutes, are refused."""
     scene = post(nu=0.45, duration=0.01, frames=1)
     notes = SpringMethod(anchors=100, neighbours=12).solve(scene).notes
     assert any("0.45" in note for note in notes)
@@ -169,7 +169,7 @@ def test_what_springs_do_not_know_is_said():
             SpringMethod(anchors=100, neighbours=12).solve(scene, **given)
     with pytest.raises(UsageError, match="on the CPU"):
         SpringMethod(anchors=100, neighbours=12).solve(scene, device="cuda")
-    with pytest.raises(UsageError, match="hours"):
+    with pytest.raises(UsageError, match="minutes"):
         SpringMethod(anchors=2000).solve(post(E=2e14, duration=10.0))
 
 

@@ -19,6 +19,7 @@ IDLE = {word for phrase in words()["idle"]["words"] for word in phrase.split()}
 # Small words and parts in other languages, which the reader glosses
 IDLE |= {bare(word) for each in languages() for phrase in (*each.small, *each.parts)
          for word in phrase}  # fmt: skip
+IDLE |= {"degc"}  # a unit, read with its number
 SHORT = 4  # letters: a shorter word in small letters is no name that could be missed
 
 
@@ -41,6 +42,8 @@ def _lost(text, names, table):
     # In another language its English words are judged; of a phrase, those at its first word
     foreign = glossed(atoms(read, lexicon.model, known), lexicon, known)
     english = {a.start: a.text.lower() for a in foreign.atoms} if foreign else {}
+    # A kind of matter is said with what says which: "rubber stop NBR 70"
+    read_kinds = {table.exact(c.material).category for c in sentence.clauses if c.material}
     lost = []
     for m in re.finditer(r"[^\W\d_]{3,}", read):
         word = english.get(m.start(), "the") if foreign else m[0].lower()
@@ -54,6 +57,7 @@ def _lost(text, names, table):
         glued = re.search(r"[\d_]", read[max(m.start() - 1, 0) : m.end() + 1])  # of a code
         strange = strange and (len(word) >= SHORT or m[0].isupper())
         matter = matter and (m[0].isupper() or not lexicon.needs_capitals((stem,)))
+        matter = matter and lexicon.kinds.get(word) not in read_kinds
         if (matter or strange) and not glued and not {word, stem, bare(word)} & (known | IDLE):
             inside = any(a <= m.start() < b for a, b in spans)
             if not inside and word not in told:
@@ -63,7 +67,7 @@ def _lost(text, names, table):
 
 def _sentences():
     for path in sorted(SETS.glob("sentences_*.toml")):
-        if "twelfth" in path.name:  # held out
+        if "sixteenth" in path.name:  # held out
             continue
         for sentence in tomllib.loads(path.read_text(encoding="utf-8"))["sentence"]:
             yield sentence["text"], list(sentence["parts"])

@@ -162,3 +162,92 @@ def test_other_languages(agree):
         los patines de hierro y el asiento de cuero => patin_1, patin_2: iron; asiento: leather
         coque en stratifié verre, mât en épicéa => coque: GFRP; mat: spruce
     """)
+
+
+def test_what_is_said_otherwise_in_other_languages(agree):
+    """Shares, states, sameness, comparisons, karats, colours, capitals, changes, big numbers."""
+    agree("""
+        Griff aus Polyamid mit 30 % Glasfaser, Deckel aus Zink => griff: nylon 6/6; deckel: zinc
+        capot en PP chargé 20 % fibre de verre, pied en zinc => capot: polypropylene; pied: zinc
+        der Balken ist klatschnasse Eiche, Kette Messing => balken: wet oak; kette: brass
+        la poutre en chêne fraîchement scié, le socle en granit => poutre: wet oak; socle: granite
+        tige en laiton, cupule du même métal que la tige => tige: brass; cupule: brass
+        la anilla es de oro de 18 quilates, la caja de nogal => anilla: 18 karat gold; caja: walnut
+        la boya es de corcho pintada de naranja, el cabo de algodón => boya: cork; cabo: cotton
+        CARTER: FONTE GRISE. BOUCHON: LAITON. => carter: grey cast iron; bouchon: brass
+        Topf samt Deckel: Kupfer; Griff aus Horn => topf, deckel: copper; griff: horn
+        la carcasa pasó de acero a policarbonato, tapa de ABS => carcasa: polycarbonate; tapa: ABS
+    """)
+
+
+def test_matters_that_engineers_name_by_maker_or_formula(agree):
+    """Each the row of its own kind, and none by a word that is spelt nearly so."""
+    agree("""
+        pin AMPCOLOY 940, base Perunal => pin: copper nickel silicon; base: aluminium 7xxx
+        ring 1.2709, disc GH4169 => ring: maraging steel; disc: inconel 718
+        shield SUS430, lid X2CrTi12 => shield, lid: martensitic stainless
+        tray 5A06, rib LY12 => tray: aluminium 5xxx; rib: aluminium 2xxx
+        pad PPS-GF40, nut POM-PTFE => pad: pps gf40; nut: acetal with ptfe
+        gear PEEK HPV, seal PTFE/25GF => gear: peek bearing grade; seal: filled ptfe
+        duct PP-TV40, box PA6-GK30 => duct: polypropylene td40; box: mineral-filled nylon
+        spar biax +-45 glass, skin T800S UD => spar: glass/epoxy biaxial laminate (45); skin: im7
+        board RO4350B, window LiTaO3 => board: ro4350b; window: lithium tantalate
+        beam BauBuche GL75, cover Tyvek => beam: baubuche; cover: tyvek
+        disc EN-GJL-150, drum GG30 => disc: en-gjl-150; drum: en-gjl-300
+        sheath XLPE, liner XLPE liner => sheath: pex; liner: hxlpe
+        horn Ti-6Al-2Sn-4Zr-2Mo, lid polyvinyl butyral => horn: ti-6242; lid: pvb
+        gear acetal homopolymer, lid gutta-percha => gear: delrin 500; lid: gutta-percha
+    """)
+
+
+def test_fineness_of_gold_is_no_count(agree):
+    agree("""
+        three 9 karat gold rings => ring_1, ring_2, ring_3: 375 gold
+        ring 18 ct gold, clasp 14k gold => ring: 18 karat gold; clasp: 14 karat gold
+        clasp 22 carat gold, ring gold 750 => clasp: 22 karat gold; ring: 18 karat gold
+        ring 24 karat gold, stone diamond, 2 ct => ring: gold; stone: diamond
+    """)
+
+
+def test_parts_that_share_the_beginning_of_their_names(agree):
+    agree("""
+        busbar L1/L2/L3 copper, lid ABS => busbar_L1, busbar_L2, busbar_L3: copper; lid: ABS
+        four rings PZT-4, lid brass => pzt_ring_1, pzt_ring_4: lead zirconate titanate; lid: brass
+        pos 1 lid brass\\npos 2 box, as pos 1\\npos 3 pin oak => lid, box: brass; pin: oak
+    """)
+
+
+def test_a_kind_before_what_says_which(agree):
+    agree("""
+        lid ABS, rubber foot NBR 70 => lid: ABS; foot: nbr
+        lid ABS. The foot is elastomer, EPDM 60 => lid: ABS; foot: epdm
+        lid rubber, neoprene box => lid: rubber; box: neoprene
+        plastic lid PP, box metal, brass => lid: polypropylene; box: brass
+    """)
+
+
+def test_what_fills_a_thing_is_its_filling(agree):
+    """Where a part is called so, and the text says nothing else of it."""
+    agree("""
+        a felt bear full of wool => bear: felt; filling: wool
+        a felt bear full of wool, the filling is cotton => bear: felt; filling: cotton
+        a felt bear full of wool => bear, lid: felt
+    """)
+
+
+def test_numbers_of_no_part_are_of_the_part_before(clauses_of):
+    """Up to the next stop: "the maker says ..."."""
+    for text, rho in [
+        ("the lid is brass, the maker says 8500 kg/m3; the box is oak", [8500]),
+        ("the lid is brass. The maker says 8500 kg/m3. The box is oak", []),
+    ]:
+        (said,) = clauses_of(text, ["lid", "box"])["lid"]
+        assert [n.value for n in said.numbers] == rho, text
+
+
+def test_what_is_said_once_more_and_otherwise_is_told(clauses_of):
+    (said,) = clauses_of("the lid is oak; it is steel; the box is oak", ["lid", "box"])["lid"]
+    assert said.material == "carbon steel"
+    assert [doubt.kind for doubt in said.doubts] == ["reader.again"]
+    (said,) = clauses_of("the lid is oak; it is walnut; the box is oak", ["lid", "box"])["lid"]
+    assert not said.doubts

@@ -1,13 +1,19 @@
 """The reader: sentences of many forms, each with the row that every part is said to be of."""
 
+import importlib.util
 import random
+import re
 import time
+import tomllib
+from pathlib import Path
 
 import pytest
 from autophyx_tet.fem.errors import InputError, UsageError
 from autophyx_tet.predictors.text.clauses import bind
-from autophyx_tet.predictors.text.english import load_model
+from autophyx_tet.predictors.text.english import PACKAGE, load_model
 from autophyx_tet.predictors.text.reader import LONGEST, parse
+
+SENTENCES = Path(__file__).parents[3] / "benchmarks/data/sentences_tenth_trades.toml"
 
 
 def test_a_sentence_with_a_verb_says_what_its_subject_is_of(agree):
@@ -201,6 +207,22 @@ def test_a_missing_model_is_named_with_the_line_that_installs_it(monkeypatch):
         load_model()
     monkeypatch.undo()
     load_model.cache_clear()
+
+
+def test_tags_are_those_of_spacy():
+    """Of every word of a set of sentences, signs and all."""
+    import spacy
+
+    package = importlib.util.find_spec(PACKAGE).submodule_search_locations[0]
+    (folder,) = Path(package).glob("en_core_web_sm*")
+    nlp = spacy.load(folder, exclude=["ner", "parser", "senter", "lemmatizer", "attribute_ruler"])
+    model = load_model()
+    sentences = tomllib.loads(SENTENCES.read_text(encoding="utf-8"))["sentence"]
+    said = [re.findall(r"\w+|[^\w\s]", sentence["text"]) for sentence in sentences]
+    ours = [model.tags(words) for words in said]
+    theirs = [[t.tag_ for t in nlp(spacy.tokens.Doc(nlp.vocab, words=w))] for w in said]
+    assert ours == theirs
+    assert sum(map(len, said)) > 1000
 
 
 @pytest.mark.slow

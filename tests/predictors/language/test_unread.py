@@ -14,7 +14,7 @@ def test_what_nobody_knows_is_told_with_its_nearest_rows(clauses_of):
 def test_a_part_beside_which_something_is_unread_is_not_understood(clauses_of):
     """A code, a number or a noun in the place of its matter: told, and never passed over."""
     for text, word in [
-        ("a moonhair spring and a PEEK seat", "moonhair"),
+        ("a moonvine spring and a PEEK seat", "moonvine"),
         ("spring: K-750; seat: PEEK", "K-750"),
         ("spring Grivory; seat PEEK", "Grivory"),
         ("spring xq, seat PEEK", "xq"),

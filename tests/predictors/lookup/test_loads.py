@@ -4,6 +4,7 @@ import autophyx_tet as apx
 import numpy as np
 import pytest
 from autophyx_tet.fem.mesh import TetMesh, box_mesh
+from autophyx_tet.fem.note import severity_of
 from autophyx_tet.fem.table import load_table
 from autophyx_tet.predictors.text.lexing import without_loads
 
@@ -64,3 +65,19 @@ def test_matter_beside_a_load_is_missed_as_ever():
     two = TetMesh(box.points, box.tets, np.arange(len(box.tets)) % 2, ("bench", "leg"))
     found = apx.assign(two, "bench oak, leg oak, a 70 kg person sits on it and the lid is foam")
     assert any("'the lid is foam' is of no part" in line for line in found.warnings)
+
+
+def test_a_load_and_a_strength_leave_no_doubt_of_the_matter():
+    """They are told, and neither is in question: what a text sets is read without them."""
+    box = box_mesh((1, 0.2, 0.2), (2, 1, 1))
+    rod = TetMesh(box.points, box.tets, box.region, ("rod",))
+
+    def doubts(text):
+        found = apx.assign(rod, text)
+        assert found.choices[0].row.name == "carbon steel", text
+        lines = [line for line in found.warnings if "no asset" not in line]
+        return [line for line in lines if severity_of(line) == "doubt"]
+
+    assert not doubts("a steel rod, 355 MPa, it carries 400 N")
+    assert not doubts("a steel rod, max 180 °C")
+    assert doubts("a steel rod at 600 °C")

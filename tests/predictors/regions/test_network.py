@@ -88,6 +88,26 @@ def test_in_torch_it_is_the_same_network():
     np.testing.assert_allclose(network(inputs), np.mean(found, axis=0), atol=2e-5)
 
 
+def test_written_as_bytes_it_is_read_to_half_a_step_of_each_row(tmp_path):
+    """A step is the largest of its row in 127 parts; what is no matrix has half precision."""
+    torch = pytest.importorskip("torch")
+    from autophyx_tet.research.training.regions.network import RegionTransformer
+    from autophyx_tet.research.training.regions.recipe import save_regions
+
+    shipped = RegionNetwork.load()
+    torch.manual_seed(0)
+    made = [RegionTransformer(len(shipped.facts["categories"])) for _ in range(2)]
+    path = tmp_path / "regions.safetensors"
+    save_regions(path, made, dict(shipped.facts))
+    read = RegionNetwork.load(path).tensors
+    for name, tensor in made[0].state_dict().items():
+        wanted = np.stack([one.state_dict()[name].numpy() for one in made])
+        step = np.abs(wanted).max(axis=-1, keepdims=True) / 127
+        # 1e-3: of a number of half precision, 2^-11, and of a step of it
+        least = step / 2 + np.abs(wanted) * 1e-3 + 0.01 / 127 / 2
+        assert (np.abs(read[name] - wanted) <= (least if tensor.ndim > 1 else 1e-3)).all(), name
+
+
 def test_a_table_top_and_its_legs_are_told_apart():
     """As said in either order: the small things are the legs."""
     cells, seen, of_top = table()

@@ -5,7 +5,7 @@ import pytest
 from autophyx_tet.predictors.appearance.features import PLAIN_FINISH, Appearance, cell_appearance
 from autophyx_tet.predictors.asset import Asset, Part, upright
 from autophyx_tet.predictors.regions.division import cut
-from autophyx_tet.predictors.regions.measures import MEASURES, measured
+from autophyx_tet.predictors.regions.measures import MEASURES, measured, quarter_turned
 from autophyx_tet.predictors.regions.segment import MOST, segment
 
 RED, BLUE = np.array([0.8, 0.1, 0.1]), np.array([0.1, 0.1, 0.8])
@@ -116,6 +116,19 @@ def test_measures_of_a_table_are_what_it_is():
     assert found.contact[0, 1] == found.contact[1, 0] == pytest.approx(16 / 17)
     # of 16 + 4 x 4 x 20 ... faces: four sides of 40 cells a leg, its foot, and the top above it
     assert value["inner contact"][1] == pytest.approx(16 / (16 + 4 * (4 * 40 + 4)))
+
+
+def test_measures_of_a_turned_thing_are_those_that_change_places():
+    """Of a lopsided thing: no two of its measures across and along are equal."""
+    cells = np.concatenate([block((0, 0, 0), (20, 8, 6)), block((3, 1, 6), (7, 4, 15))])
+    region = (cells[:, 2] >= 6).astype(int)
+    seen = looks(np.where(region[:, None], RED, BLUE))
+    turned = np.stack([-cells[:, 1], cells[:, 0], cells[:, 2]], axis=1)
+    found, after = measured(cells, seen, region), measured(turned, seen, region)
+    assert not np.allclose(found.values, after.values)
+    # single precision
+    np.testing.assert_allclose(quarter_turned(found).values, after.values, atol=1e-5)
+    np.testing.assert_allclose(found.contact, after.contact)
 
 
 def test_shells_of_two_boxes_are_two_and_of_a_welded_one_is_one():

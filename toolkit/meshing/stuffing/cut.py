@@ -229,7 +229,7 @@ def cone(regions: tuple[int, ...]) -> tuple[tuple[tuple[int, ...], int], ...]:
             tip = next(i for i in face if mine.count(regions[i]) == 1)
             a, b = (i for i in face if i != tip)
             parts = [((tip, CUT[tip, a], CUT[tip, b]), regions[tip])]
-            parts += [(triangle, regions[a]) for triangle in cut_face(tip, a, b)]
+            parts += [(triangle, regions[a]) for triangle in cut_face(tip, a, b)]  # type: ignore
         out += [((*triangle, CENTRE), region) for triangle, region in parts]
     return tuple(out)
 
@@ -365,4 +365,4 @@ def _prism(
             longest = np.linalg.norm(edges, axis=-1).max(axis=(1, 2))
             volume = np.abs(np.linalg.det(edges[:, 1:, 0]))
             ways.append((float((volume / longest**3).min()), tets))
-    return max(ways)[1]
+    return max(ways)[1]  # type: ignore

@@ -42,10 +42,12 @@ class Lattice(NamedTuple):
     def nodes(self) -> Float[np.ndarray, "nodes 3"]:
         """Positions of all nodes."""
         even, odd = (
-            np.stack(np.meshgrid(*map(np.arange, counts), indexing="ij"), axis=-1).reshape(-1, 3)
+            np.stack(np.meshgrid(*(np.arange(n) for n in counts), indexing="ij"), axis=-1).reshape(
+                -1, 3
+            )
             for counts in (self.cells + 1, self.cells)
         )
-        return self.origin + np.concatenate([even, odd + 0.5])
+        return self.origin + np.concatenate([even, odd + 0.5])  # type: ignore
 
     def together(self, some: Int[np.ndarray, "n"]) -> Int[np.ndarray, "n"]:
         """Number of the group of each of some nodes, linked by long edges between them."""
