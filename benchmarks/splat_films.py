@@ -36,6 +36,7 @@ from autophyx_tet.fem import (
     METHODS,
     SCENARIOS,
     ElementMaterial,
+    Scene,
     box_mesh,
     natural_modes,
     rigid_labels,
@@ -43,8 +44,12 @@ from autophyx_tet.fem import (
 from autophyx_tet.fem.reduced.elasticity import ReducedElasticity, held_rest, reduced_frequencies
 from autophyx_tet.fem.reduced.method import ReducedMethod
 from autophyx_tet.predictors.asset import Asset, Part
-from autophyx_tet.toolkit.film import kept_motion
-from autophyx_tet.toolkit.simulation.budget import MOST_TETS, coarsened
+from autophyx_tet.toolkit.asset.load import load_asset
+from autophyx_tet.toolkit.film import FINE_TETS, kept_motion, largest_piece
+from autophyx_tet.toolkit.options import ConvertOptions, SimulateOptions
+from autophyx_tet.toolkit.pipeline import convert
+from autophyx_tet.toolkit.simulation.budget import MOST_TETS, coarsened, driver_edge
+from autophyx_tet.toolkit.simulation.scenario import scene_of_options
 from driven_picture import splats
 from PIL import Image
 from real_meshes import cache_folder, demo_mesh, real_mesh
@@ -57,7 +62,7 @@ LIES = 0.05  # of the size: what is so near to the ground, or to what stands on 
 
 
 @dataclass(frozen=True)
-class Scene:
+class Filmed:
     """A model, how many splats it has, and what the command is told of it."""
 
     model: str
@@ -74,16 +79,16 @@ PROPELLER = "--size 0.6 --up z --scenario spin --spin-rate 3"
 TOAST = "--size 0.12 --up z --fall-height 1 --scenario fall"
 BEAR = "--size 0.25 --up z --scenario drop --drop-height 0.3"
 SCENES = {
-    "propeller_rigid": Scene("propeller", 60_000, f'{PROPELLER} --text "ABS"'),
-    "propeller_elastic": Scene("propeller", 60_000, f'{PROPELLER} --text "gelatin"'),
-    "ficus_stiff": Scene("plant", 150_000, f'{PLANT} --text "stiff rubber"'),
-    "ficus_flexible": Scene("plant", 150_000, f'{PLANT} --text "soft rubber"'),
-    "toast_whole": Scene("toast", 60_000, f'{TOAST} --text "a slice of bread"'),
-    "toast_broken": Scene(
+    "propeller_rigid": Filmed("propeller", 60_000, f'{PROPELLER} --text "ABS"'),
+    "propeller_elastic": Filmed("propeller", 60_000, f'{PROPELLER} --text "gelatin"'),
+    "ficus_stiff": Filmed("plant", 150_000, f'{PLANT} --text "stiff rubber"'),
+    "ficus_flexible": Filmed("plant", 150_000, f'{PLANT} --text "soft rubber"'),
+    "toast_whole": Filmed("toast", 60_000, f'{TOAST} --text "a slice of bread"'),
+    "toast_broken": Filmed(
         "toast", 60_000, f'{TOAST} --text "a slice of bread" --matter toast=brittle',
     ),
-    "soft_body_stiff": Scene("bear", 90_000, f'{BEAR} --text "soft rubber"'),
-    "soft_body_large": Scene("bear", 90_000, f'{BEAR} --text "gelatin"'),
+    "soft_body_stiff": Filmed("bear", 90_000, f'{BEAR} --text "soft rubber"'),
+    "soft_body_large": Filmed("bear", 90_000, f'{BEAR} --text "gelatin"'),
 }  # fmt: skip
 MEASURED = ("ficus_flexible", "toast_broken", "soft_body_large")
 
@@ -192,7 +197,7 @@ def bear() -> list[Part]:
 MODELS = {"plant": plant, "propeller": propeller, "toast": toast, "bear": bear}
 
 
-def captured(scene: Scene, folder: Path) -> Path:
+def captured(scene: Filmed, folder: Path) -> Path:
     """The capture of a model: its visible skin alone, as a camera would have it."""
     path = folder / f"{scene.model}.ply"
     if path.exists():
@@ -315,8 +320,9 @@ def drivers() -> Iterator[dict]:
 
     Up to twice ``MOST_TETS`` that is the reduced body of the same mesh, and of a finer one where a
     lattice of at most ``MOST_TETS`` falls into pieces. Where it does not, one of less than half of
-    the mesh's tets is measured too. First frequency, and largest displacement under the own weight:
-    a load that comes on at once makes a body swing by twice that, its amplitude.
+    the mesh's tets is measured too. Of the plant it is the film's own lattice in its splats, beside
+    one of twice as many tets. First frequency, and largest displacement under the own weight: a
+    load that comes on at once makes a body swing by twice that, its amplitude.
     """
     slab = box_mesh((0.4, 0.3, 0.06), (20, 15, 6))
     slab = slab.with_material(ElementMaterial.uniform(len(slab.tets), E=5e6, nu=0.4, rho=500.0))
@@ -328,31 +334,49 @@ def drivers() -> Iterator[dict]:
     }
     for name, (mesh, up) in bodies.items():
         mesh = mesh.with_material(mesh.material.without_grain())
-        scene = SCENARIOS["sag"]().scene(mesh, up=up)
-        modes = natural_modes(mesh, 1, supports=scene.held, order=2)
-        rest = METHODS["statics"].solve(scene, law="linear", order=2)
-        for most in (MOST_TETS, min(MOST_TETS, (len(mesh.tets) - 1) // 2)):
+        full = SCENARIOS["sag"]().scene(mesh, up=up)
+        for most in {MOST_TETS: 0, min(MOST_TETS, (len(mesh.tets) - 1) // 2): 0}:
             began = time.process_time()
             body = coarsened(mesh, most=most)
             if body is mesh and most != MOST_TETS:
                 continue
-            driver = SCENARIOS["sag"]().scene(body, up=up)
-            model = ReducedMethod().model_of(driver)
-            spent = time.process_time() - began
-            elasticity = ReducedElasticity(model)
-            moved = held_rest(elasticity, model.weight(driver.gravity_vector))
-            sag = np.linalg.norm(model.displacement(moved), axis=1).max()
-            frequency = reduced_frequencies(elasticity)[0] / modes.frequencies[0]
-            yield {
-                "body": name,
-                "tets": len(mesh.tets),
-                "of_driver": len(driver.mesh.tets),
-                "cut_anew": driver.mesh is not mesh,
-                "coordinates": model.dofs,
-                "frequency": round(float(frequency), 4),
-                "amplitude": round(float(sag / rest.max_displacement), 4),
-                "cpu_s": round(spent, 1),
-            }
+            yield beside(name, SCENARIOS["sag"]().scene(body, up=up), full, began)
+    with tempfile.TemporaryDirectory() as folder:
+        asset = load_asset(captured(SCENES["ficus_stiff"], Path(folder)), size=0.6, up="z")
+    volume, began = sum(part.mesh.volume for part in asset.parts), time.process_time()
+    fine, full = (lattice(asset, driver_edge(volume, most)) for most in (FINE_TETS, 2 * FINE_TETS))
+    yield beside("plant", fine, full, began)
+
+
+def lattice(asset: Asset, edge: float) -> Scene:
+    """The scene of a plant in a film that sags, what moves of its lattice of soft rubber."""
+    options = ConvertOptions(mesher="stuffing", accept_broken=True, edge_length=edge)
+    mesh = largest_piece(convert(asset, options=options).mesh)
+    soft = ElementMaterial.uniform(len(mesh.tets), E=5.5e5, nu=0.49, rho=1100.0)
+    held = SimulateOptions(scenario="sag", fix=("plane:z<0.16",))
+    return scene_of_options(mesh.with_material(soft), held, up="z").moving()
+
+
+def beside(name: str, scene: Scene, full: Scene, began: float) -> dict:
+    """A row of a driver, made since ``began`` [CPU s], beside the full body."""
+    model = ReducedMethod().model_of(scene, 2)
+    spent = time.process_time() - began
+    modes = natural_modes(full.mesh, 1, supports=full.held, order=2)
+    rest = METHODS["statics"].solve(full, law="linear", order=2)
+    elasticity = ReducedElasticity(model, law="linear")
+    moved = held_rest(elasticity, model.weight(scene.gravity_vector))
+    sag = np.linalg.norm(model.displacement(moved), axis=1).max()
+    frequency = reduced_frequencies(elasticity)[0] / modes.frequencies[0]
+    return {
+        "body": name,
+        "tets": len(full.mesh.tets),
+        "of_driver": len(scene.mesh.tets),
+        "cut_anew": scene.mesh is not full.mesh,
+        "coordinates": model.dofs,
+        "frequency": round(float(frequency), 4),
+        "amplitude": round(float(sag / rest.max_displacement), 4),
+        "cpu_s": round(spent, 1),
+    }
 
 
 def smaller(source: Path, target: Path) -> None:

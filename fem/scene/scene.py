@@ -123,6 +123,24 @@ class Scene:
         heights = [float(up @ o.point) for o, way in zip(planes, ways, strict=True) if way > LEVEL]
         return max(heights, default=None)
 
+    def moving(self) -> Scene:
+        """The scene of the tets that can move, of the same points: what is all held needs none."""
+        mesh, free = self.mesh, np.logical_not(self.held.fixed.all(axis=1))
+        kept = free[mesh.tets].any(axis=1)
+        if kept.all() or not kept.any():
+            return self
+        tractions = []
+        for load in self.tractions:
+            some, one = free[load.faces].any(axis=1), np.ndim(load.value) == 1
+            value, parts = load.value, load.parts
+            tractions.append(load._replace(
+                faces=load.faces[some], value=value if one else value[some],
+                parts=None if parts is None else parts[some],
+            ))  # fmt: skip
+        material = material_of(mesh).of_tets(kept)
+        some = {"tets": mesh.tets[kept], "region": mesh.region[kept], "material": material}
+        return replace(self, mesh=replace(mesh, **some), tractions=tuple(tractions))
+
     def similar(self, scale: float) -> Scene:
         """Scene whose motion is ``scale`` times that of a body 1 / ``scale`` times as large.
 

@@ -18,6 +18,7 @@ import numpy as np
 from ...converters.points.table import PointTable
 from ...fem.device import one_thread
 from ...fem.elements.assembly import apply_supports, discretise, linear_stiffness, node_supports
+from ...fem.elements.space import affordable_order
 from ...fem.errors import UsageError
 from ...fem.linalg.cholesky import NotPositive, cached_factor, planned_elimination
 from ...fem.material import wave_speed
@@ -32,15 +33,19 @@ from ...predictors.asset import Asset, Part, PlainMesh
 from ..options import SimulateOptions
 
 FPS = 30
-# Most tets of a driver, and the share of the budget that its motion may take.
-MOST_TETS, SHARE = 6_000, 0.36
+# Most tets of a driver, and particles where a coarser grid is left: a bear of gelatin of 11,332 is
+# pressed as flat as one of 46,325 and rebounds as high (1 and 2 %), one of 2,456 to 5 %.
+MOST_TETS, MOST_PARTICLES = 6_000, 12_000
+# What is foretold is right within this factor: so much less than the budget is aimed at.
+WITHIN = 1.5
 # Cells of the grids that are tried, the finest first; a body as thin as this many of them bends.
 GRIDS = (48, 40, 32, 28, 24, 20, 16)
 # Steps of a reduced body in a frame: a swing of 3 Hz keeps its height over two seconds.
 STEPS = 2
-# What the motion of a reduced body costs [factors of its quadratic elements], of these so many for
-# each of 60 frames; frames and parts of them by the time of a picture (`splat_films.py`).
-BASIS, CHECKED = 9.0, 11.0
+# What the motion of a reduced body costs: factors of its quadratic elements, of these so many for
+# each of 60 frames, and products of so many rows of its coordinates; frames and parts of them by
+# the time of a picture (`splat_films.py`).
+BASIS, CHECKED, PRODUCTS, PRODUCT = 6.0, 12.0, 5_500.0, (13_500, 57)
 DRAWN, DRAWN_PARTICLES, FIRST = 1.4, 1.6, 6.0
 # Steps of particles beyond those at rest: a bear of gelatin that is dropped takes 1.68 times as
 # many, one of rubber 1.07, what tears 1.7; and cells of the block that their cost is measured with,
@@ -51,13 +56,15 @@ MORE_STEPS, BLOCK, TRIED = 1.7, 12, 8
 class Plan(NamedTuple):
     """The driver of a film: ``options`` that name it, ``cells`` of its grid or tets, CPU seconds.
 
-    ``solve`` [s] is what the motion takes, ``draw`` [s] what its pictures do.
+    ``solve`` [s] is what the motion takes, ``draw`` [s] what its pictures do; ``fits`` whether the
+    budget allows it.
     """
 
     options: SimulateOptions
     cells: int
     solve: float
     draw: float
+    fits: bool
 
     @property
     def words(self) -> str:
@@ -74,26 +81,32 @@ def planned(
     *,
     method: str,
     picture: float,
+    spent: float = 0.0,
     substances: Mapping[str, Substance] | None = None,
 ) -> Plan:
     """Choose what drives a film in the time that ``options.budget`` allows, and foretell its cost.
 
-    A body that is held and meets nothing is reduced; what falls, tears or flows, as ``substances``
-    of parts say, is particles, on the finest grid that fits. What is too stiff for their steps is
-    rigid there: where a coarser grid fits on which it bends, that is taken. ``method`` is the one
-    that the options name, ``picture`` [s] the time of drawing one. All costs are measured: of a
-    factor of this body, of steps of such particles.
+    A body that is held and meets nothing is reduced, in quadratic elements; what falls, tears or
+    flows, as ``substances`` of parts say, is particles, on the finest grid that fits and has no
+    more of them than a film needs. What is too stiff for their steps is rigid there: where a
+    coarser grid fits on which it bends, that is taken. ``method`` is the one that the options name,
+    ``picture`` [s] the time of drawing one, ``spent`` [s] that of all before. All costs are
+    measured: of a factor of this body, of steps of such particles.
     """
     frames = round(FPS * options.seconds)
-    mesh, limit = scene.mesh, SHARE * float(options.budget or np.inf)
-    held, matter = scene.held, substances or {}
+    mesh, held, matter = scene.mesh, scene.held, substances or {}
+    limit = float(options.budget or np.inf) / WITHIN - spent
     if method != "mpm" and not matter and held.fixed.any() and not scene.obstacles:
-        draw = picture * (DRAWN * frames + FIRST)
+        scene, draw = scene.moving(), picture * (DRAWN * frames + FIRST)
         solve = factor_seconds(scene) * (BASIS + CHECKED * frames / 60)
-        return Plan(replace(options, solver="lbs"), len(mesh.tets), solve, draw)
+        solve += PRODUCTS * product_seconds()
+        order = 2 if affordable_order(scene.mesh) == 2 else options.order
+        options = replace(options, solver="lbs", order=order)
+        return Plan(options, len(scene.mesh.tets), solve, draw, solve + draw <= limit)
     from ...fem.mpm.solver import RELIST
 
     draw = picture * (DRAWN_PARTICLES * frames + FIRST)
+    limit = max(0.0, limit - draw)
     material = material_of(mesh)
     cost = max(particle_seconds(one) for one in set(matter.values()) or {JELLY})
     met = [*scene.obstacles, *([scene.ground] if scene.ground else [])]
@@ -114,8 +127,10 @@ def planned(
         steps = MORE_STEPS * left * (float(waves.max(initial=0.0)) + fastest) / (COURANT * spacing)
         lists = fastest / 2 * left / (RELIST * spacing)
         particles = 8 * mesh.volumes.sum() / spacing**3
+        if particles > MOST_PARTICLES and grid > min(GRIDS):
+            continue
         solve = steps * (OVERHEAD + cost.step * particles) + MORE_STEPS * lists * cost.listing
-        plan = Plan(replace(options, solver="mpm", grid=grid), grid, solve, draw)
+        plan = Plan(replace(options, solver="mpm", grid=grid), grid, solve, draw, solve <= limit)
         plans.append((max(solve, limit), bool((bends & ~soft).any()), plan))
     return min(plans, key=lambda one: one[:2])[2]  # of those alike the first, the finest
 
@@ -171,6 +186,15 @@ def factor_seconds(scene: Scene) -> float:
         return time.process_time() - began
 
 
+def product_seconds() -> float:
+    """CPU seconds of a product of matrices as they are many times made for a reduced body."""
+    rows, began = np.ones(PRODUCT), time.process_time()
+    with one_thread():
+        for _ in range(TRIED):
+            rows.T @ rows
+    return (time.process_time() - began) / TRIED
+
+
 def picture_seconds(table: PointTable) -> float:
     """CPU seconds of a picture of the splats of a table, at rest, over a ground."""
     from ...converters.points import film
@@ -191,11 +215,15 @@ def picture_seconds(table: PointTable) -> float:
 
 
 def paced(scene: Scene, options: SimulateOptions) -> Scene:
-    """The scene over a film of ``options.seconds``: as long, or slower where it is over sooner."""
+    """The scene over a film of ``options.seconds``: as long, or slower where it is over sooner.
+
+    Of a reduced body it is that of the tets that can move.
+    """
     frames = round(FPS * options.seconds)
     duration = min(scene.duration, options.seconds)
-    steps = STEPS if options.solver == "lbs" else 1
-    return replace(scene, duration=duration, frames=frames * steps)
+    if options.solver == "lbs":
+        scene, frames = scene.moving(), frames * STEPS
+    return replace(scene, duration=duration, frames=frames)
 
 
 def shown_states(states: Any, options: SimulateOptions) -> Any:

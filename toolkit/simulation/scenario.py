@@ -157,13 +157,14 @@ def film_plan(
     options: SimulateOptions,
     *,
     picture: float,
+    spent: float = 0.0,
     up: UpAxis,
     materials: Mapping[str, str] | None = None,
     classes: Mapping[str, str] | None = None,
 ) -> Plan:
     """What drives a film within ``options.budget``, and what it will take.
 
-    ``picture`` [s] is the time that one picture of it takes.
+    ``picture`` [s] is the time that one picture of it takes, ``spent`` [s] that of all before.
     """
     check_budget(options)
     scenario = _scenario(options, conditions_of_options(options).gravity)
@@ -172,7 +173,7 @@ def film_plan(
     said = substances(options.matter, materials)
     left = {part: row for part, row in (materials or {}).items() if part not in said}
     flowing = {**flowing_substances(left, classes or {})[0], **said}
-    known: Any = {"picture": picture, "substances": flowing}
+    known: Any = {"picture": picture, "spent": spent, "substances": flowing}
     return planned(paced(scene, options), options, method=method, **known)
 
 

@@ -26,7 +26,7 @@ from ..driving import Actor, DriveRecord, checked_scale, driven_record, record
 from ..driving import drive as move_carrier
 from ..options import EXPECTED, SimulateOptions, command_line
 from ..verdict.simulation import Simulation
-from .budget import coarsened, picture_seconds, shown_states
+from .budget import MOST_TETS, coarsened, picture_seconds, shown_states
 from .scenario import changed_options, film_plan, frames_told, run_scenario
 
 if TYPE_CHECKING:
@@ -181,7 +181,7 @@ def simulate(
         if options.budget is None:
             driven = move_carrier(result.mesh, moved, drive, run=result.particles, **place)
         else:
-            driven = _film(result, options, drive, **place, progress=progress)
+            driven = _film(result, options, drive, mesh=mesh, **place, progress=progress)
         result = replace(result, driven=driven)
         files += driven.files
     if output is not None and options.budget is None:
@@ -214,22 +214,27 @@ def _within_budget(
     """A coarse body and the options of what drives it, told with what it will take."""
     from ...converters.points.table import read_points
 
-    mesh = coarsened(mesh)
-    plan = film_plan(mesh, options, picture=picture_seconds(read_points(drive)), **known)
+    body = coarsened(mesh)
+    plan = film_plan(body, options, picture=picture_seconds(read_points(drive)), **known)
     if progress is not None:
+        if body is mesh and len(mesh.tets) > 2 * MOST_TETS:
+            progress(Note("budget.as_fine"), 0.0)
         progress(EXPECTED + plan.words, 0.0)
-    return mesh, plan.options
+    return body, plan.options
 
 
 def actor_of(
-    table: PointTable, result: Simulation, options: SimulateOptions, *, scale: float
+    table: PointTable, result: Simulation, options: SimulateOptions, *, mesh: TetMesh, scale: float
 ) -> Actor:
-    """Splats that a motion within a budget carries, over the frames of its film."""
+    """Splats that a motion within a budget carries, over the frames of its film.
+
+    ``mesh`` is the body with what is held, of which the motion has the points alone.
+    """
     from ...converters.embedding import Driven
 
     run, states = result.particles, result.animation.displacement
     if run is None:
-        return Actor(Driven.of(table, result.mesh, scale=scale), shown_states(states, options))
+        return Actor(Driven.of(table, mesh, scale=scale), shown_states(states, options))
     frames = shown_states(range(len(run.positions)), options)
     return Actor(Driven.by_particles(table, run, scale=scale), frames)
 
@@ -239,6 +244,7 @@ def _film(
     options: SimulateOptions,
     carrier: Path,
     *,
+    mesh: TetMesh,
     folder: Path,
     scale: float,
     up: UpAxis,
@@ -248,7 +254,7 @@ def _film(
     """The film ``folder``/film.webp of a motion within a budget, written frame by frame."""
     from ...converters.points.table import read_points
 
-    actor = actor_of(read_points(carrier), result, options, scale=scale)
+    actor = actor_of(read_points(carrier), result, options, mesh=mesh, scale=scale)
     key = f"{options} {result.mesh} {carrier.name} {carrier.stat().st_size}"
     told = frames_told("film", progress, time.perf_counter())
     film = record(folder / "film.webp", [actor], up=up, ground=ground, key=key, progress=told)
