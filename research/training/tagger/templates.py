@@ -81,7 +81,7 @@ def load_templates(without: Collection[str] = ()) -> list[Template]:
 def marked_template(block: str) -> Template:
     r"""Template of a block of ``data/marked``.
 
-    >>> template = marked_template("# en | Lid_1, box\\nLid {Lid_1|m:oak}, not {Lid_1|x:teak}")
+    >>> template = marked_template("# en | Lid_1, box\nLid {Lid_1|m:oak}, not {Lid_1|x:teak}")
     >>> template.text, template.names, [tuple(span) for span in template.spans]
     ('Lid oak, not teak', ['Lid_1', 'box'], [(4, 7, (0,), 1), (13, 17, (0,), 5)])
     """
