@@ -51,7 +51,7 @@ def commands() -> str:
 
 
 def _help(command: str) -> str:
-    words = [sys.executable, "-m", "autophyx_tet.toolkit.cli", command, "--help-all"]
+    words = [sys.executable, "-m", "autophyx_tet", command, "--help-all"]
     plain = os.environ | {"COLUMNS": "92", "NO_COLOR": "1"}
     done = subprocess.run(words, env=plain, check=True, capture_output=True, text=True)
     return done.stdout.strip()
