@@ -5,12 +5,13 @@ picture of the executed notebooks is at ``pictures/NOTEBOOK-NUMBER.png``, a movi
 """
 
 import base64
+import io
 import json
 import os
 import re
-import subprocess
-import sys
+from contextlib import redirect_stdout, suppress
 from pathlib import Path
+from unittest.mock import patch
 
 from mkdocs.structure.files import File, Files
 
@@ -51,10 +52,13 @@ def commands() -> str:
 
 
 def _help(command: str) -> str:
-    words = [sys.executable, "-m", "autophyx_tet", command, "--help-all"]
-    plain = os.environ | {"COLUMNS": "92", "NO_COLOR": "1"}
-    done = subprocess.run(words, env=plain, check=True, capture_output=True, text=True)
-    return done.stdout.strip()
+    from autophyx_tet.toolkit.cli.main import main
+
+    plain, said = {"COLUMNS": "92", "NO_COLOR": "1"}, io.TextIOWrapper(io.BytesIO(), "utf-8")
+    with patch.dict(os.environ, plain), redirect_stdout(said), suppress(SystemExit):
+        main([command, "--help-all"])
+    said.seek(0)
+    return said.read().strip()
 
 
 def formats(kind: str) -> str:
