@@ -9,6 +9,7 @@ import io
 import json
 import os
 import re
+import shutil
 from contextlib import redirect_stdout, suppress
 from pathlib import Path
 from unittest.mock import patch
@@ -18,7 +19,19 @@ from mkdocs.structure.files import File, Files
 ROOT = Path(__file__).resolve().parent.parent
 DATA = ROOT / "docs" / "data"
 PICTURES = ("png", "gif")
+ROOMS = ("fem", "predictors", "converters", "toolkit", "research")
 _BLANK = re.compile(r"^\{\{ (\w+) ?(.*?) \}\}$", re.MULTILINE)
+
+
+def on_startup(**_) -> None:
+    """Copy the sources of the rooms: who reads them for a page walks all that lies beside them."""
+    copy = ROOT / ".cache" / "rooms" / "autophyx_tet"
+    shutil.rmtree(copy, ignore_errors=True)
+    sources = [path for room in ROOMS for path in (ROOT / room).rglob("*.py")]
+    for path in (ROOT / "__init__.py", *sources):
+        there = copy / path.relative_to(ROOT)
+        there.parent.mkdir(parents=True, exist_ok=True)
+        shutil.copyfile(path, there)
 
 
 def on_page_markdown(markdown: str, **_) -> str:

@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from autophyx_tet.fem.elements.assembly import discretise, linear_stiffness, node_supports
-from autophyx_tet.fem.elements.cubic import CubicElements
 from autophyx_tet.fem.elements.space import duffy_rule, element_points
 from autophyx_tet.fem.errors import UsageError
 from autophyx_tet.fem.linalg import solver
@@ -17,7 +16,7 @@ from autophyx_tet.fem.scene.scene import Scene
 from autophyx_tet.fem.scene.supports import Supports
 from autophyx_tet.fem.solve.equilibrium import StaticMethod
 from autophyx_tet.fem.solve.error import bisected, largest_error, refine_scene
-from autophyx_tet.fem.solve.mesh_error import wedge_exponents
+from autophyx_tet.fem.solve.mesh_error import CubicElements, wedge_exponents
 from autophyx_tet.fem.solve.modal import ModalMethod
 from autophyx_tet.fem.solve.result import SAFETY
 from autophyx_tet.toolkit.simulation.simulate import simulate
