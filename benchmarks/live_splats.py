@@ -1,5 +1,6 @@
 """Splats that follow particles on the device of these, and their pictures: a film as it happens."""
 
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ from autophyx_tet.converters.points.gaussians import gaussians, matrices_of
 from autophyx_tet.converters.points.table import PointTable
 from autophyx_tet.converters.points.views import DEVIATIONS, NEAREST, WIDENED, Look
 from autophyx_tet.fem.device import start_warp
+from autophyx_tet.fem.mpm.kernels_transfer import types_of
 from autophyx_tet.fem.mpm.particles import Followers
 from autophyx_tet.fem.mpm.solver import MpmSolver
 from autophyx_tet.predictors.appearance.views import Camera
@@ -230,6 +232,31 @@ def blend_tiles(
 wp.set_module_options({"enable_backward": False})
 
 
+@cache
+def tell_kernel(real: Any) -> Any:
+    """Kernel that writes a state down: (first, carries, cloud, order, x, F)."""
+    Cloud = types_of(real).Cloud
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def tell(
+        first: int,
+        carries: bool,
+        cloud: Cloud,
+        order: wp.array(dtype=int),
+        x: wp.array(dtype=wp.vec3),
+        F: wp.array(dtype=wp.mat33),
+    ):
+        """Places and total gradients in the order of the particles, in single precision."""
+        p = first + wp.tid()
+        H = cloud.H[p]
+        if carries:
+            H = cloud.total[p]
+        x[order[p]] = wp.vec3(cloud.x[p])
+        F[order[p]] = wp.mat33(wp.identity(n=3, dtype=real) + H)
+
+    return tell
+
+
 class LiveSplats:
     """Splats of a ``table`` that follow the particles of a ``solver``, from where both are now.
 
@@ -284,7 +311,10 @@ class LiveSplats:
 
     def carry(self) -> None:
         """Move the splats to where the particles are."""
-        self.solver.cloud.write_frame(self.x, self.F)
+        cloud = self.solver.cloud
+        for span in cloud.spans:
+            inputs = [span.first, span.carries, cloud.struct, cloud._order, self.x, self.F]
+            wp.launch(tell_kernel(cloud.real), span.count, inputs, device=self.device)
         inputs = [self.follow, self.x, self.F, STRETCH, self.means, self.roots]
         wp.launch(carry, len(self.means), inputs, device=self.device)
 
