@@ -61,7 +61,7 @@ def write_manifest(folder: Path, rows: list[dict]) -> Path:
 
 def call(manifest: Path, output: Path, options: argparse.Namespace, workers: int):
     """Start the batch as a user would."""
-    command = [sys.executable, "-m", "autophyx_tet.toolkit.cli", "batch", str(manifest), "--json"]
+    command = [sys.executable, "-m", "autophyx_tet", "batch", str(manifest), "--json"]
     command += ["-o", str(output), "--workers", str(workers), "--time-limit", options.time_limit]
     return subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
 

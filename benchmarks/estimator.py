@@ -36,10 +36,9 @@ import numpy as np
 from autophyx_tet.fem.elements.assembly import discretise, node_supports
 from autophyx_tet.fem.elements.elastic import displacement_gradients, linear_stress, von_mises
 from autophyx_tet.fem.scene.scene import Scene
-from autophyx_tet.fem.solve.error import find_discretisation_error
+from autophyx_tet.fem.solve.error import find_discretisation_error, refine_scene
 from autophyx_tet.fem.solve.mesh_error import CHILDREN, find_exponents, smooth_patch
 from autophyx_tet.fem.solve.method import METHODS
-from autophyx_tet.fem.solve.refinement import refine_scene
 from autophyx_tet.fem.solve.statics import solve_static
 from estimator_cases import SEEDS, Case, bar, built_cases, random_cases, refined
 

@@ -14,8 +14,7 @@ import time
 
 import numpy as np
 import trimesh
-from autophyx_tet.predictors.appearance.features import features, fill
-from autophyx_tet.predictors.appearance.lifting import lift
+from autophyx_tet.predictors.appearance.features import features, fill, lift
 from autophyx_tet.predictors.appearance.surface import opaque_density, surface_voxels
 from autophyx_tet.predictors.appearance.views import hemisphere, render_views
 from autophyx_tet.predictors.asset import Asset, Part

@@ -22,7 +22,6 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
-from autophyx_tet.converters.live import LiveSplats
 from autophyx_tet.converters.points.film import FPS
 from autophyx_tet.converters.points.table import PointTable
 from autophyx_tet.fem.mpm.boundaries import Wall, grid_around
@@ -30,6 +29,7 @@ from autophyx_tet.fem.mpm.particles import Particles, block_places
 from autophyx_tet.fem.mpm.solver import MpmSolver
 from autophyx_tet.fem.scene.obstacles import Plane
 from autophyx_tet.predictors.appearance.views import ring
+from live_splats import LiveSplats
 from mpm import measure
 from static_case import STRENGTH_OF_GRAVITY, cantilever
 from statics import ours

@@ -16,7 +16,7 @@ import os
 import time
 
 import numpy as np
-from autophyx_tet.predictors.appearance.lifting import Lifted, lift, pixel_rays, ray_weights
+from autophyx_tet.predictors.appearance.features import Lifted, lift, pixel_rays, ray_weights
 from autophyx_tet.predictors.appearance.surface import opaque_density
 from autophyx_tet.predictors.appearance.views import hemisphere
 from autophyx_tet.predictors.grid import Grid

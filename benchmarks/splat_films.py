@@ -42,7 +42,7 @@ from autophyx_tet.fem import (
     rigid_labels,
 )
 from autophyx_tet.fem.reduced.elasticity import ReducedElasticity, held_rest, reduced_frequencies
-from autophyx_tet.fem.reduced.method import ReducedMethod
+from autophyx_tet.fem.reduced.motion import ReducedMethod
 from autophyx_tet.predictors.asset import Asset, Part
 from autophyx_tet.toolkit.asset.load import load_asset
 from autophyx_tet.toolkit.film import FINE_TETS, kept_motion, largest_piece

@@ -23,17 +23,15 @@ from autophyx_tet.fem.elements.space import make_space
 from autophyx_tet.fem.errors import AutophyxError
 from autophyx_tet.fem.identify import ObservedMotion, fit_motion
 from autophyx_tet.fem.laws.law import Law
-from autophyx_tet.fem.reduced.method import ReducedMethod
 from autophyx_tet.fem.reduced.model import Subspace
-from autophyx_tet.fem.reduced.motion import reduced_dynamics, start_velocity
+from autophyx_tet.fem.reduced.motion import ReducedMethod, reduced_dynamics, start_velocity
 from autophyx_tet.fem.scene.scene import Scene
 from autophyx_tet.fem.solve.dynamics import Dynamics
 from autophyx_tet.fem.solve.error import motion_order
 from autophyx_tet.fem.solve.modal import natural_modes
 from autophyx_tet.fem.solve.schemes import Scheme
-from autophyx_tet.fem.springs.body import SpringBody, spring_body
+from autophyx_tet.fem.springs.body import COST, SpringBody, spring_body
 from autophyx_tet.fem.springs.fit import fit_to_motion
-from autophyx_tet.fem.springs.method import COST
 from autophyx_tet.fem.springs.motion import network_frequencies
 from real_meshes import NAMES
 from reduced_bodies import BODIES, DT, Body, documented, real

@@ -32,7 +32,7 @@ STAGES = {
     "supports": [("autophyx_tet.fem.scene.supports", "find_supports")],
     "static, P2 and P1": [("autophyx_tet.fem.solve.statics", "solve_static")],
     "modes": [("autophyx_tet.fem.solve.modal", "natural_modes")],
-    "buckling": [("autophyx_tet.fem.solve.buckling", "find_load_factor")],
+    "buckling": [("autophyx_tet.fem.solve.modal", "find_load_factor")],
     "ends of the ranges": [
         ("autophyx_tet.fem.uncertainty", "displacement_interval"),
         ("autophyx_tet.fem.uncertainty", "frequency_intervals"),

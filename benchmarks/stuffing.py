@@ -26,7 +26,7 @@ from autophyx_tet.toolkit.meshing.convert import Preparation, tetrahedralize
 from autophyx_tet.toolkit.meshing.ftetwild import EngineTarget
 from autophyx_tet.toolkit.meshing.guarantees import ENVELOPE_SHARE, ConversionReport
 from autophyx_tet.toolkit.meshing.quality import dihedral_angles
-from autophyx_tet.toolkit.meshing.stuffing.field import SolidField
+from autophyx_tet.toolkit.meshing.stuffing.lattice import SolidField
 from autophyx_tet.toolkit.meshing.stuffing.mesher import stuff, stuffed
 from corpora import corpus, root_of
 

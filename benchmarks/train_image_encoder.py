@@ -24,8 +24,7 @@ import numpy as np
 from autophyx_tet.converters.npz import load_npz, save_npz
 from autophyx_tet.fem.errors import AutophyxError
 from autophyx_tet.predictors.encoders.minilm import MiniLM
-from autophyx_tet.predictors.encoders.network import COLOURS, Widths
-from autophyx_tet.predictors.encoders.plain import public_backbone
+from autophyx_tet.predictors.encoders.plain import COLOURS, Widths, public_backbone
 from autophyx_tet.predictors.text.parts import KINDS
 from autophyx_tet.research.datasets.sweethome3d import TRAINING, VALIDATION, catalog, extract
 from autophyx_tet.research.training.encoder.corpus import Specimen, read_corpus, write_corpus

@@ -2,7 +2,7 @@
 
 In: files of meshes, points and density grids; a material field [SI]; a mesh with E, nu, rho a tet.
 Out: the same in other files, for other programs, or as fields, voxels and values a tet.
-Read: registry, mesh, grids, points, transfer, carriers, embedding, programs.
+Read: registry, mesh, grids, points, transfer, embedding, programs.
 
 The public names load on first use: ``from autophyx_tet.converters import read_points``.
 """

@@ -5,19 +5,33 @@ picture of the executed notebooks is at ``pictures/NOTEBOOK-NUMBER.png``, a movi
 """
 
 import base64
+import io
 import json
 import os
 import re
-import subprocess
-import sys
+import shutil
+from contextlib import redirect_stdout, suppress
 from pathlib import Path
+from unittest.mock import patch
 
 from mkdocs.structure.files import File, Files
 
 ROOT = Path(__file__).resolve().parent.parent
 DATA = ROOT / "docs" / "data"
 PICTURES = ("png", "gif")
+ROOMS = ("fem", "predictors", "converters", "toolkit", "research")
 _BLANK = re.compile(r"^\{\{ (\w+) ?(.*?) \}\}$", re.MULTILINE)
+
+
+def on_startup(**_) -> None:
+    """Copy the sources of the rooms: who reads them for a page walks all that lies beside them."""
+    copy = ROOT / ".cache" / "rooms" / "autophyx_tet"
+    shutil.rmtree(copy, ignore_errors=True)
+    sources = [path for room in ROOMS for path in (ROOT / room).rglob("*.py")]
+    for path in (ROOT / "__init__.py", *sources):
+        there = copy / path.relative_to(ROOT)
+        there.parent.mkdir(parents=True, exist_ok=True)
+        shutil.copyfile(path, there)
 
 
 def on_page_markdown(markdown: str, **_) -> str:
@@ -51,10 +65,13 @@ def commands() -> str:
 
 
 def _help(command: str) -> str:
-    words = [sys.executable, "-m", "autophyx_tet.toolkit.cli", command, "--help-all"]
-    plain = os.environ | {"COLUMNS": "92", "NO_COLOR": "1"}
-    done = subprocess.run(words, env=plain, check=True, capture_output=True, text=True)
-    return done.stdout.strip()
+    from autophyx_tet.toolkit.cli.main import main
+
+    plain, said = {"COLUMNS": "92", "NO_COLOR": "1"}, io.TextIOWrapper(io.BytesIO(), "utf-8")
+    with patch.dict(os.environ, plain), redirect_stdout(said), suppress(SystemExit):
+        main([command, "--help-all"])
+    said.seek(0)
+    return said.read().strip()
 
 
 def formats(kind: str) -> str:

@@ -43,7 +43,7 @@ _HOME = {
     "von_mises": "elements.elastic",
     "solve_nonlinear": "solve.nonlinear",
     "Dynamics": "solve.dynamics",
-    "Damping": "solve.damping",
+    "Damping": "solve.dynamics",
     "Scheme": "solve.schemes",
     "natural_modes": "solve.modal",
     "static_displacement": "solve.gradients",

@@ -26,7 +26,7 @@ from .mesh import TetMesh, material_of
 from .note import Note
 from .reduced.sweep import LinearFamily, Member
 from .scene.scene import Scene
-from .solve.buckling import find_load_factor
+from .solve.modal import find_load_factor
 from .solve.result import LOCKING, Modes, SagResult, locking_fraction
 from .solve.statics import check_held, solve_static
 from .table import FIELDS, NU_CAP, MaterialValue, Span, load_grains, load_table

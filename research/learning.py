@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 WEIGHTS, RANGE_WEIGHTS = "film.safetensors", "unipixie.safetensors"
 REGION_WEIGHTS = "regions.safetensors"
 KINDS, KIND_WEIGHTS = "kinds", "matter.json"  # kinds of matter by looks: seconds on any processor
+PHRASES = "phrases"  # rows by words of matter: two minutes of a processor
 TAGGER = "tagger"  # words of texts by parts: minutes on a GPU, from texts that it makes
 # AutoPhyX table 1, on a data set that is not published: beside our numbers, not among them.
 PAPER = {"AutoPhyX (OpenCLIP), its own data": (0.042, 0.051, 0.083)}
@@ -81,6 +82,12 @@ def train(
         return _train_kinds(real, output)
     if str(config) == TAGGER:
         return _train_tagger(output)
+    if str(config) == PHRASES:
+        from .training.phrases.recipe import train_phrases
+
+        weights = output / "phrases.safetensors"
+        history = train_phrases(output=weights).history
+        return {"files": [weights], "steps": history[-1]["step"], "history": history}
     if str(config) in REGION_PRESETS:
         from .datasets.region_sets import RegionCorpus
         from .training.regions.recipe import train_regions

@@ -2,7 +2,10 @@
 
 import atexit
 import gc
+import hashlib
 import os
+import shutil
+import subprocess
 import sys
 from collections.abc import Callable
 from dataclasses import is_dataclass
@@ -120,6 +123,29 @@ def pytest_collection_finish():
 @pytest.fixture(scope="session")
 def root() -> Path:
     return ROOT
+
+
+@pytest.fixture(scope="session")
+def site() -> Path:
+    """The documentation, built strictly, once for all that its pages are made of.
+
+    A dead link, a lost name or a docstring that does not parse is an error.
+    """
+    made_of = hashlib.sha256()
+    rooms = ("docs", "examples", "notebooks", "fem", "predictors", "converters", "toolkit")
+    every = (path for room in (*rooms, "research") for path in (ROOT / room).rglob("*.*"))
+    for path in sorted([*every, *ROOT.glob("*.py"), ROOT / "mkdocs.yml"]):
+        if path.is_file() and path.suffix not in (".pyc", ".safetensors"):
+            made_of.update(str(path).encode() + path.read_bytes())
+    folder = ROOT / ".cache" / "site" / made_of.hexdigest()[:16]
+    if not folder.exists():
+        shutil.rmtree(folder.parent, ignore_errors=True)
+        new = folder.with_suffix(f".{os.getpid()}")
+        words = [sys.executable, "-m", "mkdocs", "build", "-q", "--strict", "-d", str(new)]
+        done = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, timeout=600)
+        assert done.returncode == 0, done.stderr[-3000:]
+        new.rename(folder)
+    return folder
 
 
 GROUPS = ("long", "real", "browser", "external")

@@ -15,19 +15,19 @@ FLOORS = {
     "fem": (
         "note", "errors", "validation", "registry", "device", "table", "material", "mesh",
         "scene", "laws", "elements", "linalg", "grain", "solve", "mpm", "reduced", "springs",
-        "identify", "scenarios", "reactions", "safety", "uncertainty",
+        "identify", "scenarios", "safety", "uncertainty",
     ),
     "predictors": (
         "asset", "grid", "field", "encoders", "text", "appearance", "prediction", "resolve",
-        "partition", "predictor", "construction", "matter", "regions", "film", "unipixie", "assign",
+        "partition", "construction", "matter", "regions", "film", "unipixie", "assign",
     ),
     "converters": (
         "registry", "files", "npz", "archives", "kernels", "mesh", "grids", "points", "embedding",
-        "live", "transfer", "carriers", "programs",
+        "transfer", "programs",
     ),
     "toolkit": (
         "asset", "meshing", "options", "walls", "driving", "verdict", "report", "simulation",
-        "features", "segment", "pipeline", "film", "transfer", "listing", "estimate", "batch",
+        "features", "segment", "pipeline", "film", "transfer", "listing", "batch",
         "cli",
     ),
     "research": (

@@ -52,7 +52,7 @@ HOME = ".batch"  # inside the output folder: lock, work in progress, records of 
 RECORD = "batch.json"  # inside a result: what was asked, and what it took
 ATTEMPTS = 2  # a worker that was killed is replaced once; a second kill is the asset's own doing
 # What a row runs, as anyone would call it: a process, so that nothing here imports it.
-COMMAND_LINE = "autophyx_tet.toolkit.cli"
+COMMAND_LINE = "autophyx_tet"
 POLL = 0.1  # s between two looks at a process that takes seconds
 TIMED_OUT = 124  # what timeout(1) returns
 BY_SIGNAL = 128  # what shells add to the number of the signal

@@ -11,13 +11,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from ..converters.carriers import is_density
 from ..converters.grids import DensityGrid, read_density
 from ..converters.npz import save_npz
 from ..converters.points.gaussians import SH_C0, Gaussians, gaussians
 from ..converters.points.table import PointTable, read_points
 from ..converters.points.views import opacity_grid
 from ..converters.registry import GRID_FORMATS, POINT_FORMATS
+from ..converters.transfer import is_density
 from ..fem.errors import InputError
 from ..predictors.appearance.features import (
     Appearance,

@@ -234,7 +234,7 @@ def plan(
         itself would.
     """
     from .asset.load import load_asset
-    from .meshing.import_tets import SUFFIXES, import_tets
+    from .meshing.convert import SUFFIXES, import_tets
 
     if texts:
         check_run(output)

@@ -94,8 +94,7 @@ def convert(
     """
     from ..converters.mesh.meshdata import write_mesh
     from .asset.load import load_asset
-    from .meshing.convert import tetrahedralize
-    from .meshing.import_tets import SUFFIXES, import_tets
+    from .meshing.convert import SUFFIXES, import_tets, tetrahedralize
     from .segment import divided_again, in_one
 
     options = with_given(options or ConvertOptions(), given, verb="convert")

@@ -26,8 +26,8 @@ from .simulation.scenario import grains_of_options
 from .simulation.simulate import rows_of_field
 
 if TYPE_CHECKING:
-    from ..converters.carriers import Transferred
     from ..converters.programs.export import Exported
+    from ..converters.transfer import Transferred
 
 AWAY = 0.05  # of the field's diagonal: a carrier this far out is not that of the same body
 NU_MOST = 0.49  # Poisson's ratio above which linear tets of most programs lock
@@ -137,9 +137,8 @@ def transfer(
     >>> read_points("jelly.ply").columns["E"].round(1).tolist()  # Pa
     [100000.0]
     """
-    from ..converters.carriers import append_material, is_density
     from ..converters.registry import GRID_FORMATS, POINT_FORMATS, written
-    from ..converters.transfer import field_from_tets
+    from ..converters.transfer import append_material, field_from_tets, is_density
 
     options = with_given(options or TransferOptions(), given, verb="transfer")
     target, output = Path(target), path_of(output)

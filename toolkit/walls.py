@@ -57,7 +57,7 @@ def with_named_walls(
     """
     from ..predictors.text.reader import read_sentence
     from .asset.load import load_asset
-    from .meshing.import_tets import SUFFIXES
+    from .meshing.convert import SUFFIXES
 
     given, options = walls or WallOptions(), options or ConvertOptions()
     spoken = bool(texts) and all("wall" in text.lower() for text in texts)

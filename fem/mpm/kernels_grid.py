@@ -323,8 +323,7 @@ def order_kernels(real: Any) -> SimpleNamespace:
     old, old order, cloud, order) takes particles from there; ``occupy`` (cloud, frame, stamp,
     cells) and ``part`` (cloud, frame, drift, stamp, cells, count) find those that fly by
     themselves, ``reach`` (places, alone, frame, drift, stamp, marks, nodes, count) lists the nodes
-    of the others; ``tell`` (first, carries, cloud, order, x, F) writes a state down. What another
-    ``stamp`` marked is not marked.
+    of the others. What another ``stamp`` marked is not marked.
     """
     types = types_of(real)
     Cloud, Frame, vec3 = types.Cloud, types.Frame, types.vec3
@@ -456,25 +455,8 @@ def order_kernels(real: Any) -> SimpleNamespace:
                         if row < nodes.shape[0]:
                             nodes[row] = node
 
-    @wp.kernel(module=f"mpm_grid_{real.__name__}", enable_backward=False)
-    def tell(
-        first: int,
-        carries: bool,
-        cloud: Cloud,
-        order: wp.array(dtype=int),
-        x: wp.array(dtype=wp.vec3),
-        F: wp.array(dtype=wp.mat33),
-    ):
-        """Places and total gradients in the order of the particles, in single precision."""
-        p = first + wp.tid()
-        H = cloud.H[p]
-        if carries:
-            H = cloud.total[p]
-        x[order[p]] = wp.vec3(cloud.x[p])
-        F[order[p]] = wp.mat33(wp.identity(n=3, dtype=real) + H)
-
     kernels = {"occupy": occupy, "part": part, "reach": reach}
-    return SimpleNamespace(key=key, reorder=reorder, tell=tell, **kernels)
+    return SimpleNamespace(key=key, reorder=reorder, **kernels)
 
 
 # Entries of the survey: maxima, those of the places and of their opposites, and counts.

@@ -740,13 +740,6 @@ class Cloud:
         """Set the array ``name``, given in the order of the particles."""
         getattr(self.struct, name).assign(np.ascontiguousarray(values[self.order]))
 
-    def write_frame(self, x: Any, F: Any) -> None:
-        """Write places [m] and gradients to arrays of vec3 and mat33 that are on the device."""
-        kernel = order_kernels(self.real).tell
-        for span in self.spans:
-            inputs = [span.first, span.carries, self.struct, self._order, x, F]
-            start_warp().launch(kernel, span.count, inputs, device=self.device)
-
     def set_push(self, values: Float[np.ndarray, "n 3"]) -> None:
         """Accelerations [m/s^2] of the particles by outer forces, from now on."""
         ordered, vec3 = np.ascontiguousarray(values[self.order]), self.types.vec3

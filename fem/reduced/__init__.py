@@ -2,5 +2,5 @@
 
 In: a mesh with E, nu, rho and what holds it; for a motion, the scene.
 Out: a ReducedModel, and motions of it by the same steps as those of the full body.
-Read: model, elasticity, basis, cubature, motion, method, sweep.
+Read: model, elasticity, basis, cubature, motion, sweep.
 """

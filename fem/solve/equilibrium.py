@@ -19,11 +19,10 @@ from ..linalg.solver import MOST_ENTRIES
 from ..note import Note
 from ..scene.obstacles import Plane
 from ..scene.scene import Scene
-from .buckling import find_load_factor
 from .contact import barrier_thickness
 from .error import find_discretisation_error
 from .method import FrameProgress
-from .modal import constrained_inverse
+from .modal import constrained_inverse, find_load_factor
 from .nonlinear import solve_nonlinear
 from .result import LoadFactor, SagResult, StaticResult
 from .statics import solve_static

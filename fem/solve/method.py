@@ -59,8 +59,8 @@ METHODS: Registry[Method] = Registry(
         "dynamics": "dynamics:METHOD",
         "modal": "modal:METHOD",
         "mpm": ".mpm.method:METHOD",
-        "spring": ".springs.method:METHOD",
-        "lbs": ".reduced.method:METHOD",
+        "spring": ".springs.body:METHOD",
+        "lbs": ".reduced.motion:METHOD",
     },
 )
 """Methods of solution by name: ``METHODS["statics"].solve(scene)``."""

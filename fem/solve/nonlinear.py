@@ -17,8 +17,7 @@ from jaxtyping import Float
 from ..device import single_threaded
 from ..elements.assembly import BlockMatrix, add_diagonal, apply_supports
 from ..elements.elastic import ElasticBody, displacement_gradients
-from ..elements.following import FollowingLoads
-from ..elements.forces import lumped_mass
+from ..elements.forces import FollowingLoads, lumped_mass
 from ..elements.space import EDGES, element_points
 from ..errors import ConvergenceError, InputError
 from ..laws.law import Law

@@ -20,16 +20,14 @@ from ..elements.elastic import (
     geometric_stiffness,
     linear_stress,
 )
-from ..elements.following import FollowingLoads
-from ..elements.forces import lumped_mass
+from ..elements.forces import FollowingLoads, lumped_mass
 from ..elements.space import element_points
 from ..errors import ConvergenceError
 from ..linalg.cholesky import NotPositive, planned_elimination
 from ..linalg.krylov import RitzPairs, lanczos
 from ..mesh import TetMesh, material_of
 from ..scene.supports import Supports
-from .buckling import LARGEST
-from .modal import ConstrainedInverse, constrained_inverse
+from .modal import LARGEST, ConstrainedInverse, constrained_inverse
 from .result import LoadFactor
 
 logger = logging.getLogger(__name__)

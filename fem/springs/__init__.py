@@ -2,5 +2,5 @@
 
 In: a Scene; how many anchors, how many neighbours each, eta, dashpots.
 Out: a MotionResult on the mesh's points; scales of the springs fitted to another motion.
-Read: network, body, motion, method, fit.
+Read: network, body, motion, fit.
 """

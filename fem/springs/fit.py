@@ -14,8 +14,7 @@ from ..errors import ConvergenceError, InputError, UsageError
 from ..mesh import material_of
 from ..note import Note
 from ..solve.method import FrameProgress
-from .body import SpringBody
-from .method import COST
+from .body import COST, SpringBody
 from .motion import network_frequencies
 from .network import SOFTEST, SpringNetwork, stiffened
 

@@ -2,5 +2,5 @@
 
 In: surfaces with textures, splats, or photographs with cameras.
 Out: colours and features in the voxels of a grid, parts that look alike.
-Read: views, features, lifting, segmentation.
+Read: views, features, segmentation.
 """

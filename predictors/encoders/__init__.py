@@ -2,7 +2,7 @@
 
 In: sentences; pictures (views, height, width, 3 or 4) in [0, 1].
 Out: unit vectors, one a sentence, and one a cell of a coarser grid over every picture.
-Read: registry, minilm, plain, network, openclip.
+Read: registry, minilm, plain, openclip.
 """
 
 from .registry import (

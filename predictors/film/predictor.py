@@ -31,11 +31,10 @@ from ..partition import Partition, match_clauses, partition
 from ..prediction import Binding, PartChoice, Prediction, field_of, unbound_by
 from ..resolve.resolve import Lookup, lookup_of, nearest_row
 from ..text.clauses import Clause, Sentence, bind
-from .config import NetworkConfig
-from .unet import FilmUNet
+from .unet import FilmUNet, NetworkConfig
 
 if TYPE_CHECKING:
-    from .config import VoxelScene
+    from .unet import VoxelScene
 
 
 WEIGHTS = Path(__file__).parents[1] / "weights" / "film.safetensors"
@@ -160,7 +159,7 @@ class FilmModel:
         """Put everything that is known into the tensors of the network."""
         import torch
 
-        from .config import VoxelScene
+        from .unet import VoxelScene
 
         count = len(heard.clauses)
         k = max(count, 1)

@@ -8,17 +8,238 @@ FiLM parameters in a second, modulated decoder. Clauses are encoded alone: their
 
 from __future__ import annotations
 
+from dataclasses import asdict, dataclass
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
 
 from ..field import DEFAULT, Normalisation
-from ..film.words import CHANNELS, LOUDNESS
-from .config import INPUTS, NO_CLAUSE, NetworkConfig, Output, VoxelScene, halve
-from .layers import FilmBlock, Listening, Modulation, masked_mean, mix, pool
+from .words import CHANNELS, LOUDNESS
+
+Conditioning = Literal["grounded", "global", "concat", "crossattn"]
+# Input channels: occupied, red, green, blue, colour is known, and the place in the object's box.
+INPUTS = 8
+STEP = 16  # sizes of a grid must be multiples: four halvings
+NO_CLAUSE = -1e4  # logit of a clause that is not there; finite, and safe in bfloat16
+
+
+@dataclass(frozen=True)
+class NetworkConfig:
+    """Sizes of the network; ``sources`` are the channels of evidence, in fixed order.
+
+    ``text_dim`` numbers are heard of a clause: ``sentence_dim`` of the sentence, the lexicon's
+    channels, and again ``sentence_dim`` of its subject. Where the lexicon names a material, its
+    value is ``told`` without a detour. ``fine_width`` 0 is the first of ``widths``; ``graded``
+    evidence counts in proportion to its reliability. ``features`` numbers are seen of a voxel by
+    an image encoder, 0 where the network has no eye for them.
+    """
+
+    widths: tuple[int, ...] = (16, 32, 64, 128, 208)
+    text_dim: int = 384
+    slot_width: int = 256
+    key_width: int = 48
+    conditioning: Conditioning = "grounded"
+    sources: tuple[str, ...] = ("vision", "names")
+    fine: bool = False  # a stage at twice the resolution refines what the U-Net finds at half of it
+    fine_width: int = 0
+    graded: bool = False
+    told: bool = False
+    sentence_dim: int = 384
+    features: int = 0
+
+    @property
+    def step(self) -> int:
+        """Sizes of a grid must be multiples of this."""
+        return STEP * 2 if self.fine else STEP
+
+    def to_dict(self) -> dict:
+        """Plain data for a checkpoint's metadata."""
+        return asdict(self)
+
+    @classmethod
+    def from_dict(cls, data: dict) -> NetworkConfig:
+        """Rebuild from ``to_dict``."""
+        plain: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in data.items()}
+        return cls(**plain)
+
+
+class VoxelScene(NamedTuple):
+    """What is given of a batch of objects; K clauses, S sources, P parts.
+
+    inputs: (batch, INPUTS, x, y, z), channels as in ``INPUTS``; sizes are multiples of the
+        ``step``.
+    clauses, clause_mask: Unit embeddings (batch, K, D) and whether each is there (batch, K).
+    object_name, has_object: Embedding of what the object is (batch, D), and whether it is known
+        (batch,).
+    evidence, reliability: Standardised evidence (batch, S, K, x, y, z) that clause k speaks of a
+        voxel, 0 where a source is silent (for a network with a fine stage, at half the resolution
+        if you like), and how good the source is known to be, in [0, 1], 0 if absent (batch, S).
+    names, name_mask: Embeddings of the parts' own names (batch, P, D) and whether each is known
+        (batch, P).
+    part: Index of the part of every voxel (batch, x, y, z), -1 outside; used with names alone.
+    features: Unit vectors (batch, F, x, y, z) of an image encoder, 0 where it saw nothing (for a
+        network with a fine stage, at half the resolution if you like); None without an encoder.
+    """
+
+    inputs: Tensor
+    clauses: Tensor
+    clause_mask: Tensor
+    object_name: Tensor
+    has_object: Tensor
+    evidence: Tensor
+    reliability: Tensor
+    names: Tensor
+    name_mask: Tensor
+    part: Tensor
+    features: Tensor | None = None
+
+
+class Output(NamedTuple):
+    """Normalised (log E, nu, log rho) in (-1, 1), (batch, 3, x, y, z), and the binding.
+
+    ``logits`` (batch, K + 1, x, y, z): which clause speaks of a voxel, the last one for none.
+    """
+
+    values: Tensor
+    logits: Tensor
+
+
+def halve(scene: VoxelScene) -> VoxelScene:
+    """Return the scene at half the resolution."""
+    mask = scene.inputs[:, :1]
+    b, s, k = scene.evidence.shape[:3]
+    evidence = scene.evidence.reshape(b, s * k, *scene.evidence.shape[3:])
+    if evidence.shape[2:] == mask.shape[2:]:
+        evidence = pool(evidence, mask.to(evidence.dtype))
+    features = scene.features
+    if features is not None and features.shape[2:] == mask.shape[2:]:
+        features = pool(features, mask.to(features.dtype))
+    part = F.max_pool3d(scene.part.float()[:, None], 2)[:, 0].long()
+    inputs = torch.cat([F.max_pool3d(mask, 2), pool(scene.inputs[:, 1:], mask)], dim=1)
+    return scene._replace(
+        inputs=inputs,
+        evidence=evidence.reshape(b, s, k, *evidence.shape[2:]),
+        part=part,
+        features=features,
+    )
+
+
+GROUPS = 8
+# Floors under a variance or a count: an empty or constant object must not divide by zero.
+EPSILON = 1e-5
+ONE_VOXEL = 1.0
+
+
+# Of embeddings in training, against their unit variance: at most, of a sentence and of a subject.
+SENTENCE_NOISE, SUBJECT_NOISE = 0.7, 0.3
+UNHEARD = 0.1  # of the sentences, of which only hints and subject are heard
+
+
+class Listening(nn.Module):
+    """Embeddings of clauses at unit variance; in training blurred, but for the lexicon's hints.
+
+    A clause said a little differently means the same.
+    """
+
+    def __init__(self, sentence_dim: int) -> None:
+        super().__init__()
+        self.sentence_dim = sentence_dim
+
+    def forward(self, embedding: Tensor) -> Tensor:
+        """Return embeddings (..., D): sentence, hints and subject, or the first of them."""
+        dim = self.sentence_dim
+        scaled = embedding * dim**0.5
+        if not self.training:
+            return scaled
+        much = torch.zeros_like(scaled)
+        much[..., :dim] = SENTENCE_NOISE
+        heard = torch.ones_like(scaled)
+        if scaled.shape[-1] > 2 * dim:
+            much[..., -dim:] = SUBJECT_NOISE
+            heard[..., :dim] = (torch.rand_like(scaled[..., :1]) > UNHEARD).to(scaled.dtype)
+        blur = much * torch.rand_like(scaled[..., :1]) * torch.randn_like(scaled)
+        return scaled * heard + blur
+
+
+class Modulation(NamedTuple):
+    """What FiLM gets: weight of every slot at every voxel of the block's level, and the slots.
+
+    ``weights`` (batch, x, y, z, slots) sum to one; ``slots`` (batch, slots, width) are hidden
+    vectors of clauses, from which each block reads its own scale and shift.
+    """
+
+    weights: Tensor
+    slots: Tensor
+
+
+def mix(weights: Tensor, values: Tensor) -> Tensor:
+    """Sum slot values (batch, slots, c) with voxel weights: (batch, c, x, y, z), channels last."""
+    shape = weights.shape
+    flat = torch.bmm(weights.reshape(shape[0], -1, shape[-1]), values.to(weights.dtype))
+    return flat.reshape(*shape[:-1], -1).permute(0, 4, 1, 2, 3)
+
+
+def pool(x: Tensor, mask: Tensor, factor: int = 2) -> Tensor:
+    """Mean over the occupied voxels of each cell of ``factor``^3 voxels; 0 where there is none."""
+    share = F.avg_pool3d(mask, factor)
+    return F.avg_pool3d(x * mask, factor) / share.clamp(min=EPSILON)
+
+
+def masked_mean(x: Tensor, mask: Tensor) -> Tensor:
+    """Mean over the occupied voxels, (batch, channels), in float32."""
+    total = (x * mask).sum(dim=(2, 3, 4), dtype=torch.float32)
+    return total / mask.sum(dim=(2, 3, 4), dtype=torch.float32).clamp(min=ONE_VOXEL)
+
+
+class MaskedGroupNorm(nn.Module):
+    """Group norm whose mean and variance are those of the occupied voxels: any grid will do."""
+
+    def __init__(self, channels: int) -> None:
+        super().__init__()
+        self.groups = GROUPS
+        self.weight = nn.Parameter(torch.ones(channels))
+        self.bias = nn.Parameter(torch.zeros(channels))
+
+    def forward(self, x: Tensor, mask: Tensor) -> Tensor:
+        """Normalise; empty voxels come out as 0."""
+        b, c = x.shape[:2]
+        per_group = c // self.groups
+        mean_c, square_c = masked_mean(x, mask), masked_mean(x * x, mask)
+        mean = mean_c.reshape(b, self.groups, per_group).mean(2)
+        square = square_c.reshape(b, self.groups, per_group).mean(2)
+        rstd = ((square - mean * mean).clamp(min=0) + EPSILON).rsqrt()
+        scale = rstd.repeat_interleave(per_group, 1) * self.weight
+        shift = self.bias - mean.repeat_interleave(per_group, 1) * scale
+        view = (b, c, 1, 1, 1)
+        return (x * scale.view(view).to(x.dtype) + shift.view(view).to(x.dtype)) * mask.to(x.dtype)
+
+
+class FilmBlock(nn.Module):
+    """Residual block; FiLM (AutoPhyX eq. 1) after the second norm, the identity at the start."""
+
+    def __init__(self, channels: int, width: int, *, modulated: bool = True) -> None:
+        super().__init__()
+        self.norm1, self.norm2 = MaskedGroupNorm(channels), MaskedGroupNorm(channels)
+        self.conv1 = nn.Conv3d(channels, channels, 3, padding=1)
+        self.conv2 = nn.Conv3d(channels, channels, 3, padding=1)
+        self.film = nn.Linear(width, 2 * channels) if modulated else None
+        if self.film is not None:
+            nn.init.zeros_(self.film.weight)
+            nn.init.zeros_(self.film.bias)
+
+    def forward(self, x: Tensor, mask: Tensor, modulation: Modulation | None = None) -> Tensor:
+        """Return x plus its modulated residual, 0 on empty voxels."""
+        h = self.conv1(F.silu(self.norm1(x, mask)))
+        h = self.norm2(h, mask)
+        if modulation is not None and self.film is not None:
+            table = self.film(modulation.slots)
+            delta, beta = mix(modulation.weights, table).chunk(2, dim=1)
+            h = h * (1 + delta) + beta
+        return (x + self.conv2(F.silu(h))) * mask.to(x.dtype)
+
 
 SLOT_TYPES = 4  # clause, nothing known, what the object is, own name of the part
 

@@ -94,6 +94,7 @@ SHA256 = {
     "tok2vec/model": "e84fc06eb319c94d28e460fc334e292120b01f18baa5dc8b50c977459820a090",
 }
 _KINDS = ("noun", "verb", "adj", "adv")
+OTHERS = ("it", "nl", "pt", "sv", "pl")  # which are told and not read
 
 
 @cache

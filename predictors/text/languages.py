@@ -15,14 +15,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .english import DATA, Atom, Phrase, bare, small_words
+from .english import DATA, OTHERS, Atom, Phrase, bare, small_words
 from .english import words as small_lists
 from .materials import ReaderLexicon
 from .parts import places
 
 LONGEST = 5  # words of an entry: "mousse à mémoire de forme" is read by its last two
 SHORTEST = 3  # letters of a part of a compound
-OTHERS = ("it", "nl", "pt", "sv", "pl")  # which are told and not read
 LEAST_HEAD = 4  # letters of a noun that ends a compound whose beginning is in no list
 _DIGRAPH = re.compile("(?<=[aou])e")  # of an umlaut: "gehaeuse"
 

@@ -12,13 +12,19 @@ import csv
 import re
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 from ...fem.note import Note
 from ...fem.table import Material
-from .english import Atom, Lexeme, Phrase, is_glue, small_words, words
-from .languages import OTHERS, data, glossed
-from .materials import LONGEST_PHRASE, Meaning, ReaderLexicon, atoms, named_materials
+from .english import Atom, Lexeme, Phrase, is_glue, words
+from .languages import data, glossed
+from .materials import (
+    LONGEST_PHRASE,
+    Meaning,
+    ReaderLexicon,
+    atoms,
+    mended_spelling,
+    named_materials,
+)
 from .numerals import NUMBERS, Blend, Comparison, Numeral, Quantity, counted_by, number, numerals
 from .parts import part_name_words
 
@@ -57,7 +63,7 @@ def lex(text: str, lexicon: ReaderLexicon, names: Sequence[str]) -> Lexed:
     cut = atoms(text, lexicon.model, known)
     foreign, notes, strange, mended = glossed(cut, lexicon, known), [], set[int](), {}
     if not foreign:
-        english, notes, strange, mended = _mended_spelling(text, cut, lexicon, known)
+        english, notes, strange, mended = mended_spelling(text, cut, lexicon, known)
         if notes:  # no English
             foreign = glossed(cut, lexicon, known, foreign=True)
         cut = english
@@ -163,129 +169,6 @@ def without_loads(text: str) -> tuple[str, list[str]]:
             start = match.start()
         left = left[:start] + " " * (match.end() - start) + left[match.end() :]
     return left, [Note("lexing.load_text", load=load) for load in loads]
-
-
-# Spelling: words that are nearly one that the reader knows, and texts that are not English.
-
-SHORTEST_MENDED = 4  # letters: a shorter word has too many neighbours
-# A text is not English where so many of its words are in no dictionary and no table.
-FOREIGN_SHARE = 0.5
-LANGUAGES = ("en", "de", "fr", "es", *OTHERS)
-
-
-def _mended_spelling(
-    text: str, cut: list[Atom], lexicon: ReaderLexicon, known: set[str]
-) -> tuple[list[Atom], list[str], set[int], dict[int, str]]:
-    """Mend what is misspelt; tell what is in no dictionary, and a text that is not English.
-
-    A designation is spelt as it is: "Perunal" is no Perbunan. Returns the atoms, notes on the
-    whole, where the words stand that nobody knows, and by place what was mended.
-    """
-    coded = [m.span() for m, _ in lexicon.designated(text)]
-    odd = [
-        i for i, atom in enumerate(cut)
-        if not _is_known(atom, lexicon, known)
-        and not any(start <= atom.start < end for start, end in coded)
-    ]  # fmt: skip
-    mended, notes = list(cut), {}
-    for i in odd:
-        # Glued to digits it is part of a name, as in "X50CrMoV15".
-        sides = [cut[j] for j in (i - 1, i + 1) if 0 <= j < len(cut)]
-        glued = any(
-            side.text[0].isdigit() and (side.end == cut[i].start or cut[i].end == side.start)
-            for side in sides
-        )
-        near = None if glued else _nearest(cut[i], lexicon, known)
-        if near:
-            mended[i] = cut[i]._replace(stem=near, text=near)
-            notes[cut[i].start] = Note("lexing.spelt", word=cut[i].text, near=near)
-    for i, (atom, after) in enumerate(pairwise(mended)):  # "caste iron"
-        near = None if atom.stem in known else _near_phrase(atom, after, lexicon)
-        if near:
-            mended[i] = atom._replace(stem=near, text=near)
-            notes[atom.start] = Note("lexing.spelt", word=atom.text, near=near)
-    left = [i for i in odd if mended[i] is cut[i]]
-    strange = {cut[i].start for i in left}
-    long = sum(atom.text.isalpha() and len(atom.text) >= SHORTEST_MENDED for atom in cut)
-    left = [i for i in left if not cut[i].text.isupper()]
-    foreign = len(left) >= 3 and len(left) >= FOREIGN_SHARE * long
-    strange_long = [i for i in odd if len(cut[i].text) >= SHORTEST_MENDED]
-    if len(strange_long) >= 3 and len(strange_long) == long:
-        return [], [Note("lexing.language_read")], set(), {}
-    if odd and not foreign:  # or another language has more of its small words than English has
-        ends = {a.end for a in cut if a.text[0].isdigit()}  # "Ni" of "CuAl10Ni5" is no word
-        low = [
-            a.text.lower() for a in cut
-            if a.text.isalpha() and not a.text.isupper() and a.start not in ends
-        ]  # fmt: skip
-        small = {code: small_words(code) for code in LANGUAGES}
-        english = sum(word in small["en"] for word in low)
-        alien = (sum(w in small[code] and w not in small["en"] for w in low) for code in LANGUAGES)
-        words_of = sum(lexicon.model.is_word(word) for word in low)
-        if max(alien) > max(english, 2) and 2 * words_of < len(low):
-            return [], [Note("lexing.language_read")], set(), {}
-    if foreign:
-        note = Note("lexing.words_english", count=len(odd), long=long)
-        return cut, [note], {cut[i].start for i in odd}, {}
-    return mended, [], strange, notes
-
-
-def _is_known(atom: Atom, lexicon: ReaderLexicon, known: set[str]) -> bool:
-    word = atom.text.lower()
-    return (
-        not word[0].isalpha()
-        or (len(word) < SHORTEST_MENDED and not (atom.text.isupper() and len(word) > 1))
-        or word in known
-        or atom.stem in known
-        or word in lexicon.spellings
-        or atom.stem in lexicon.spellings
-        or lexicon.model.is_word(word)
-        or (word,) in lexicon.meanings
-        or (atom.stem,) in lexicon.rows
-    )
-
-
-def _nearest(atom: Atom, lexicon: ReaderLexicon, known: set[str]) -> str | None:
-    """Return the one word that a misspelt one is near to, or None."""
-    from rapidfuzz.distance import OSA
-    from rapidfuzz.process import extract_iter
-
-    if atom.text.isupper() and len(atom.text) <= SHORTEST_MENDED + 1:
-        return None  # an acronym
-    words = [*lexicon.spellings, *(w for w in known if len(w) >= SHORTEST_MENDED and w.isalpha())]
-    best: dict[str, float] = {}
-    for word in {atom.text.lower(), atom.stem}:
-        for near, off, _ in extract_iter(word, words, scorer=OSA.distance, score_cutoff=2):
-            skeleton = _skeleton(word) == _skeleton(near)
-            limit = 2 if skeleton or len(word) >= 7 else 1
-            if off <= limit and word[0] == near[0] and off <= len(word) / 2:
-                best[near] = min(best.get(near, 9.0), off - 0.5 * skeleton)
-    ranked = sorted(best.items(), key=lambda item: (item[1], item[0] not in known))
-    nearest = [word for word, off in ranked if off == ranked[0][1]]
-    nearest = [word for word in nearest if word in known] or nearest
-    nearest.sort(key=lambda word: abs(len(word) - len(atom.text)))  # "silicoen" is no silicon
-    # "fiber" and "fibre" are one word: either will do.
-    return nearest[0] if len({_skeleton(word) for word in nearest}) == 1 else None
-
-
-def _near_phrase(atom: Atom, after: Atom, lexicon: ReaderLexicon) -> str | None:
-    """The first word of a row of two that a word before its second is one letter off from."""
-    from rapidfuzz.distance import OSA
-
-    firsts = lexicon.firsts.get(after.stem, ())
-    if len(atom.text) < SHORTEST_MENDED or not atom.text.isalpha() or (atom.stem,) in lexicon.rows:
-        return None
-    if {atom.stem, atom.text.lower()} & {*firsts} or (atom.text.lower(),) in lexicon.meanings:
-        return None
-    if lexicon.model.is_word(atom.text.lower(), ("verb",)):  # "we took steel" is of no tool steel
-        return None
-    near = [word for word in firsts if OSA.distance(atom.text.lower(), word, score_cutoff=1) <= 1]
-    return near[0] if len(near) == 1 else None
-
-
-def _skeleton(word: str) -> str:
-    """Consonants of a word, doubled ones once: what a spelling by ear keeps."""
-    return re.sub(r"(.)\1", r"\1", re.sub(r"(?<!^)[aeiouyh]", "", word))
 
 
 _CODE = re.compile(r"(?<![\w.])(?=[\w.-]*\d)(?=[\w.-]*[A-Za-z])[A-Za-z0-9][\w.+-]*\w")

@@ -6,7 +6,9 @@ mean over its pieces. ``autophyx-tet train tagger`` learns the changes from made
 
 It is a second opinion. The grammar of the reader takes a whole text apart; the words that the
 tagger finds for a part are read by themselves: "the seat is soft foam". Where the grammar has
-nothing or only doubts, or the tagger is surer than it errs, its reading is taken.
+nothing or only doubts, or the tagger is surer than it errs, its reading is taken. Where that fails
+too, or both networks are sure of another matter, these words mean what the phrase network takes
+them for: that is a doubt.
 """
 
 from __future__ import annotations
@@ -26,6 +28,7 @@ from ...fem.table import MaterialTable
 from ..encoders.minilm import MAX_TOKENS, MiniLM
 from .clauses import GENERAL, Bound, BoundPart, Clause, Sentence, Subject
 from .english import words as lists
+from .phrases import load_phrases
 from .reader import parse
 
 WEIGHTS = Path(__file__).parents[1] / "weights" / "tagger.safetensors"
@@ -220,6 +223,11 @@ def load_tagger() -> Tagger:
 # be told where it is not heard; chosen on the eleventh set, on which neither had been made.
 LIKELY, SURE, TOLD = 0.6, 0.95, 0.6
 NEVER = 1.1  # in other languages what the lists read without a doubt is righter
+# Least certainty of tagger and phrase network together, where the grammar is in doubt and where it
+# is not, to be no doubt, and of the phrase network to confirm the grammar; chosen on the sixteenth.
+GUESSED, AGAINST, PLAIN, CONFIRMED = 0.4, 0.7, 0.9, 0.8
+_BESIDE = {"reader.beside_idle", "reader.beside_left"}  # words that say nothing of a matter
+_UNLIKE_MATTER = {"number", "relation", "content", "alternative"}
 _DECIDING = ("matter", "number", "relation", "content")
 
 
@@ -241,7 +249,8 @@ def with_second_opinion(
     language = next((n.values["language"] for n in notes if n.kind == "lexing.read_as"), "")
     clauses, parts = [*bound.sentence.clauses], [*bound.parts]
     taken: list[tuple[int, int]] = []  # where the words stand that the tagger's readings are of
-    for i, said in enumerate(load_tagger().said(names, text)):
+    every = load_tagger().said(names, text)
+    for i, said in enumerate(every):
         own = [clauses[k] for k in parts[i].clauses]
         words = _words(said, text)
         doubtful = not any(c.says_matter for c in own) or any(c.doubts or c.unknown for c in own)
@@ -249,34 +258,49 @@ def with_second_opinion(
         wanted = LIKELY if doubtful else NEVER if language else SURE
         told = SURE if language else TOLD
         known = any(words.lower() in c.phrase.lower() for c in own)
-        if not words or known or said.certainty < (wanted if doubtful else told):
-            continue
         part = shown_name(names[i])
-        known = names if len(names) <= _MANY else names[i : i + 1]
-        read = parse(lists()["alone"][language].format(part=part, words=words), table, known)
-        found = [c for c in read.clauses if c.says_matter]
-        (rows, numbers), (own_rows, own_numbers) = _said(found), _said(own)
-        if own and any(c.kind for c in found):  # "wood" says less than what is there
-            continue
-        if not found or (rows <= own_rows and numbers <= own_numbers) or _is_doubtful(read, found):
-            continue
-        if said.certainty < wanted:
-            if own_rows and not any(_are_alike(table, a, b) for a in own_rows for b in rows):
-                k = next(k for k in parts[i].clauses if clauses[k].material)
-                note = Note("tagger.differs", words=words, phrase=clauses[k].phrase)
-                at = parts[i].clauses.index(k)  # a clause of its own: others may have this one too
-                own_clauses = (*parts[i].clauses[:at], len(clauses), *parts[i].clauses[at + 1 :])
-                parts[i] = parts[i]._replace(clauses=own_clauses)
-                clauses.append(replace(clauses[k], doubts=(*clauses[k].doubts, note)))
+        own_rows, own_numbers = _said(own)
+        found: list[Clause] = []
+        if words and not known and said.certainty >= (wanted if doubtful else told):
+            others = names if len(names) <= _MANY else names[i : i + 1]
+            read = parse(lists()["alone"][language].format(part=part, words=words), table, others)
+            found = [c for c in read.clauses if c.says_matter]
+            rows, numbers = _said(found)
+            less = bool(own) and any(c.kind for c in found)  # "wood" says less than what is there
+            same = rows <= own_rows and numbers <= own_numbers
+            if less or same or _is_doubtful(read, found):
+                found = []
+            if found and said.certainty < wanted:
+                if own_rows and not any(_are_alike(table, a, b) for a in own_rows for b in rows):
+                    k = next(k for k in parts[i].clauses if clauses[k].material)
+                    note = Note("tagger.differs", words=words, phrase=clauses[k].phrase)
+                    at = parts[i].clauses.index(k)  # one of its own: others may have this one too
+                    new = (*parts[i].clauses[:at], len(clauses), *parts[i].clauses[at + 1 :])
+                    parts[i] = parts[i]._replace(clauses=new)
+                    clauses.append(replace(clauses[k], doubts=(*clauses[k].doubts, note)))
+                found = []
+        phrase, meant, sure = _meant(said, text, table)
+        if meant and any(_are_alike(table, a, meant) for a in own_rows):
+            for k in parts[i].clauses if sure > CONFIRMED * said.certainty else ():
+                kept = (d for d in clauses[k].doubts if getattr(d, "kind", "") not in _BESIDE)
+                clauses[k] = replace(clauses[k], doubts=tuple(kept))
+        elif meant and not found and sure > (GUESSED if doubtful else AGAINST):
+            told_else = any(c.numbers or c.comparisons or meant in c.excluded for c in own)
+            note = Note("tagger.likely", words=phrase, row=meant)
+            doubts = () if doubtful and sure > PLAIN else (note,)
+            clause = Clause(phrase, (0, 0), Subject("none"), meant, phrase, doubts=doubts)
+            found = [] if told_else else [clause]
+        if not found:
             continue
         subject = Subject("parts", (tuple(part.split()),))
         spans = [(start, end) for role, start, end in said.words if role in _DECIDING]
         whole = min(start for start, _ in spans), max(end for _, end in spans)
         # Words that another part has by a name, and this one by the tagger alone
         held = [
-            bound.sentence.clauses[k].span for bond in bound.parts
+            bound.sentence.clauses[k].span for bond, other in zip(bound.parts, every, strict=True)
             for k, how in zip(bond.clauses, bond.how, strict=True)
             if how not in GENERAL and k not in bound.parts[i].clauses
+            and _may_hold(other, bound.sentence.clauses[k].span)
         ]  # fmt: skip
         of_another = any(a <= whole[0] and whole[1] <= b for a, b in held)
         named = any(how not in GENERAL for how in parts[i].how)
@@ -294,6 +318,22 @@ def with_second_opinion(
         clauses += [replace(c, text=words, span=whole, subject=subject) for c in found]
         parts[i] = BoundPart(tuple(new), ("name",) * len(new))
     return _without_idle(bound, clauses, parts, taken)
+
+
+def _may_hold(said: Said, span: tuple[int, int]) -> bool:
+    """Whether the tagger leaves a part the words that the grammar gave it."""
+    given = any(start < span[1] and span[0] < end for _, start, end in said.words)
+    return given or said.certainty < SURE
+
+
+def _meant(said: Said, text: str, table: MaterialTable) -> tuple[str, str, float]:
+    """What the phrase network takes a part's matter for: the words, a row or "", how sure."""
+    if {role for role, *_ in said.words} & _UNLIKE_MATTER:
+        return "", "", 0.0
+    phrase = ", ".join(text[start:end] for role, start, end in said.words if role == "matter")
+    meant = load_phrases().meant(phrase)
+    row = table.phrases.get(meant.row.lower()) if phrase else None
+    return phrase, row.name if row else "", said.certainty * meant.share
 
 
 def _are_alike(table: MaterialTable, a: str, b: str) -> bool:

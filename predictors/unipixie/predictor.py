@@ -29,8 +29,7 @@ from ..prediction import PartChoice, Prediction
 from ..resolve.resolve import Lookup, lookup_of, nearest_row
 from ..text.clauses import Sentence, bind
 from ..text.parts import NamedPart, own_name, vocabulary_of
-from .config import UniPixieConfig
-from .network import UniPixie
+from .network import UniPixie, UniPixieConfig
 
 if TYPE_CHECKING:
     import torch

@@ -26,8 +26,7 @@ from .parser import clause_of, listen
 from .rows import Setting, VoxelPredictor
 
 if TYPE_CHECKING:
-    from ...predictors.film.config import Output, VoxelScene
-    from ...predictors.film.unet import FilmUNet
+    from ...predictors.film.unet import FilmUNet, Output, VoxelScene
 
 
 @dataclass(frozen=True)
@@ -237,7 +236,7 @@ def with_slot_names(
     """Return the scene with the evidence of names as it is gathered at run time."""
     import torch
 
-    from ...predictors.film.config import halve
+    from ...predictors.film.unet import halve
 
     clauses = [_one_clause(said) for said in example.said]
     here = [k for k, said in enumerate(example.said) if said]

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 from autophyx_tet.converters import npz
-from autophyx_tet.converters.carriers import append_material
 from autophyx_tet.converters.grids import DensityGrid, read_density, write_density
 from autophyx_tet.converters.points.gaussians import standard_columns
 from autophyx_tet.converters.points.table import PointTable, read_points, write_points
 from autophyx_tet.converters.transfer import (
+    append_material,
     field_from_points,
     field_from_tets,
     read_field_points,

@@ -1,11 +1,12 @@
 """Splats that follow particles on a device: as those of a film that is made afterwards."""
 
+import importlib.util
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from autophyx_tet.converters.embedding import bounded
-from autophyx_tet.converters.live import LiveSplats
 from autophyx_tet.converters.points.gaussians import gaussians, matrices_of
 from autophyx_tet.converters.points.table import PointTable
 from autophyx_tet.converters.points.views import blended
@@ -15,6 +16,11 @@ from autophyx_tet.fem.mpm.particles import Followers, Particles, block_places
 from autophyx_tet.fem.mpm.solver import MpmSolver
 from autophyx_tet.predictors.appearance.views import ring
 
+_FILE = Path(__file__).resolve().parents[2] / "benchmarks" / "live_splats.py"
+_SPEC = importlib.util.spec_from_file_location("live_splats", _FILE)
+_LIVE = importlib.util.module_from_spec(_SPEC)
+_SPEC.loader.exec_module(_LIVE)
+LiveSplats = _LIVE.LiveSplats
 DX = 0.125
 DEVICES = ["cpu", *(["cuda"] if start_warp().is_cuda_available() else [])]
 

@@ -7,8 +7,7 @@ from autophyx_tet.fem.elements.forces import lumped_mass
 from autophyx_tet.fem.material import ElementMaterial
 from autophyx_tet.fem.mesh import box_mesh
 from autophyx_tet.fem.scene.supports import Supports
-from autophyx_tet.fem.solve.damping import Damping, Rayleigh
-from autophyx_tet.fem.solve.dynamics import Dynamics
+from autophyx_tet.fem.solve.dynamics import Damping, Dynamics, Rayleigh
 from autophyx_tet.fem.solve.schemes import Scheme
 from scipy.linalg import eigh
 

@@ -9,8 +9,7 @@ from autophyx_tet.fem.laws.law import Law
 from autophyx_tet.fem.mesh import box_mesh
 from autophyx_tet.fem.scene.obstacles import Box, Capsule, Plane, Sphere, gripper
 from autophyx_tet.fem.scene.supports import Supports
-from autophyx_tet.fem.solve.damping import Damping
-from autophyx_tet.fem.solve.dynamics import Dynamics
+from autophyx_tet.fem.solve.dynamics import Damping, Dynamics
 from autophyx_tet.fem.solve.schemes import Scheme
 from hypothesis import given, settings
 from hypothesis import strategies as st

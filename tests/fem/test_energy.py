@@ -9,9 +9,8 @@ from autophyx_tet.fem.elements.space import make_space
 from autophyx_tet.fem.mesh import box_mesh
 from autophyx_tet.fem.mpm.materials import Substance
 from autophyx_tet.fem.mpm.method import MpmMethod
-from autophyx_tet.fem.reduced.method import ReducedMethod
 from autophyx_tet.fem.reduced.model import Subspace
-from autophyx_tet.fem.reduced.motion import ReducedDynamics
+from autophyx_tet.fem.reduced.motion import ReducedDynamics, ReducedMethod
 from autophyx_tet.fem.scenarios import Drop
 from autophyx_tet.fem.scene.obstacles import Plane
 from autophyx_tet.fem.scene.supports import Supports
@@ -19,7 +18,7 @@ from autophyx_tet.fem.solve.contact import Contact
 from autophyx_tet.fem.solve.dynamics import Dynamics
 from autophyx_tet.fem.solve.result import Motion, MotionResult, energy_balance
 from autophyx_tet.fem.solve.schemes import Scheme
-from autophyx_tet.fem.springs.method import SpringMethod
+from autophyx_tet.fem.springs.body import SpringMethod
 from autophyx_tet.toolkit.verdict.checks import PARTICLE_EXCESS, SPRING_EXCESS, keeps_energy
 
 from .bodies import with_uniform

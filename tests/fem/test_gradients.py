@@ -7,8 +7,7 @@ from autophyx_tet.fem.errors import InputError
 from autophyx_tet.fem.mesh import box_mesh
 from autophyx_tet.fem.scene.obstacles import Plane
 from autophyx_tet.fem.scene.supports import Supports
-from autophyx_tet.fem.solve.damping import Damping
-from autophyx_tet.fem.solve.dynamics import Dynamics
+from autophyx_tet.fem.solve.dynamics import Damping, Dynamics
 from autophyx_tet.fem.solve.gradients import implicit_step, static_displacement
 from autophyx_tet.fem.solve.schemes import Scheme
 

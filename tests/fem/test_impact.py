@@ -8,8 +8,7 @@ from autophyx_tet.fem.mesh import box_mesh
 from autophyx_tet.fem.scene.obstacles import Plane, Sphere
 from autophyx_tet.fem.scene.supports import Supports
 from autophyx_tet.fem.solve import dynamics
-from autophyx_tet.fem.solve.damping import Damping
-from autophyx_tet.fem.solve.dynamics import Dynamics
+from autophyx_tet.fem.solve.dynamics import Damping, Dynamics
 from autophyx_tet.fem.solve.schemes import Scheme
 
 from .bodies import ball, lifted, mapped, shaken_box, with_uniform

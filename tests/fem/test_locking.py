@@ -7,8 +7,8 @@ import pytest
 from autophyx_tet.fem.mesh import box_mesh
 from autophyx_tet.fem.reduced.basis import accuracy_warnings, reduce_body
 from autophyx_tet.fem.reduced.elasticity import ReducedElasticity, reduced_frequencies, reduced_rest
-from autophyx_tet.fem.reduced.method import ReducedMethod, model_in_words
 from autophyx_tet.fem.reduced.model import Subspace
+from autophyx_tet.fem.reduced.motion import ReducedMethod, model_in_words
 from autophyx_tet.fem.scenarios import drop, squeeze
 from autophyx_tet.fem.scene.loads import Traction
 from autophyx_tet.fem.scene.scene import Scene

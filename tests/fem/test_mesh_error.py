@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from autophyx_tet.fem.elements.assembly import discretise, linear_stiffness, node_supports
-from autophyx_tet.fem.elements.cubic import CubicElements
 from autophyx_tet.fem.elements.space import duffy_rule, element_points
 from autophyx_tet.fem.errors import UsageError
 from autophyx_tet.fem.linalg import solver
@@ -16,9 +15,9 @@ from autophyx_tet.fem.scene.loads import resultant, spread_force
 from autophyx_tet.fem.scene.scene import Scene
 from autophyx_tet.fem.scene.supports import Supports
 from autophyx_tet.fem.solve.equilibrium import StaticMethod
-from autophyx_tet.fem.solve.mesh_error import wedge_exponents
+from autophyx_tet.fem.solve.error import bisected, largest_error, refine_scene
+from autophyx_tet.fem.solve.mesh_error import CubicElements, wedge_exponents
 from autophyx_tet.fem.solve.modal import ModalMethod
-from autophyx_tet.fem.solve.refinement import bisected, largest_error, refine_scene
 from autophyx_tet.fem.solve.result import SAFETY
 from autophyx_tet.toolkit.simulation.simulate import simulate
 from autophyx_tet.toolkit.verdict.checks import discretisation
@@ -255,7 +254,7 @@ def test_it_is_refined_until_the_error_is_small():
 
 
 def test_it_says_where_it_does_not_get_there(monkeypatch):
-    monkeypatch.setattr("autophyx_tet.fem.solve.refinement.LARGEST_P2", 600)
+    monkeypatch.setattr("autophyx_tet.fem.solve.error.LARGEST_P2", 600)
     refined = refine_scene(beam((5, 1, 1)), 1e-3)
     assert refined.error > 1e-3
     assert refined.why.kind == "refinement.too_large"

@@ -11,8 +11,7 @@ from autophyx_tet.fem.material import ElementMaterial, mandel_vector, orthotropi
 from autophyx_tet.fem.mesh import TetMesh
 from autophyx_tet.fem.scene.loads import Traction
 from autophyx_tet.fem.scene.supports import Supports, find_supports
-from autophyx_tet.fem.solve.damping import Damping
-from autophyx_tet.fem.solve.dynamics import Dynamics
+from autophyx_tet.fem.solve.dynamics import Damping, Dynamics
 from autophyx_tet.fem.solve.modal import natural_modes
 from autophyx_tet.fem.solve.schemes import Scheme
 from autophyx_tet.fem.solve.statics import nodal_stress, solve_static

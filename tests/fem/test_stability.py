@@ -7,8 +7,8 @@ from autophyx_tet.fem.scenarios import hang, sag
 from autophyx_tet.fem.scene.loads import Traction, pressure
 from autophyx_tet.fem.scene.scene import Scene
 from autophyx_tet.fem.scene.supports import Supports
-from autophyx_tet.fem.solve.buckling import find_load_factor
 from autophyx_tet.fem.solve.equilibrium import StaticMethod
+from autophyx_tet.fem.solve.modal import find_load_factor
 from autophyx_tet.fem.solve.nonlinear import solve_nonlinear
 from autophyx_tet.fem.solve.statics import solve_static
 from autophyx_tet.toolkit.verdict import checks as verdicts
@@ -119,7 +119,7 @@ def test_buckling_that_was_not_checked_is_told(monkeypatch, why):
     if why == "factor":
         monkeypatch.setattr("autophyx_tet.fem.solve.modal.MOST_ENTRIES", 0)
         monkeypatch.setattr("autophyx_tet.fem.solve.equilibrium.MOST_ENTRIES", 0)
-        monkeypatch.setattr("autophyx_tet.fem.solve.buckling.MOST_TETS", 0)
+        monkeypatch.setattr("autophyx_tet.fem.solve.modal.MOST_TETS", 0)
     result = sag(stem((1, 1, 12)), order=1 if why == "order" else None)
     found = {check.name: check for check in with_doubts(verdicts.static_checks(result))}
     assert found["buckling"].outcome == "not made"

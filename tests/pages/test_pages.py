@@ -17,6 +17,7 @@ PAGES += sorted((ROOT / "predictors/weights").glob("*.md"))
 ITSELF = "is what .ci/run does"
 HOURS = "takes from half an hour to hours; docs/data or weights/ keep what it wrote"
 GPU = "wants a GPU; the card has the same line shortened for a CPU"
+SHORTER = "takes minutes; the card has the same line with two objects"
 TRAINS = "trains a network a row: minutes, and the rows above it go the same way"
 FURNITURE = "wants Debian's furniture, which is a download of 120 MB, and minutes"
 # What no test runs: a line as it stands on the page, and why.
@@ -59,6 +60,8 @@ ELSEWHERE = {
     "autophyx-tet evaluate --table S7 --data data --device cuda --minutes 2.8": GPU,
     "autophyx-tet evaluate --table S3 --data data --device cuda --minutes .45": GPU,
     "autophyx-tet evaluate --table theta --data data --device cuda --minutes 2.2": GPU,
+    "autophyx-tet evaluate --table S5 --data data --objects 32": SHORTER,
+    "autophyx-tet evaluate --table springs --data data --objects 40": SHORTER,
     "autophyx-tet evaluate --table S7 --data data --objects 2": TRAINS,
     "autophyx-tet evaluate --table theta --data data --objects 2": TRAINS,
     "autophyx-tet dataset ranges": "takes a name of a table to write",

@@ -2,7 +2,7 @@
 
 import numpy as np
 import torch
-from autophyx_tet.predictors.encoders.network import Weights, Widths
+from autophyx_tet.predictors.encoders.plain import Weights, Widths
 
 SMALLEST = Widths(8, (8, 8, 12, 12, 16, 16, 16), (1,) * 7, (3,) * 7, 2)
 

@@ -8,9 +8,8 @@ import torch
 from autophyx_tet.fem.errors import InputError
 from autophyx_tet.fem.table import load_table
 from autophyx_tet.predictors.field import DEFAULT, Normalisation
-from autophyx_tet.predictors.film.config import NetworkConfig
 from autophyx_tet.predictors.film.predictor import FilmPredictor, load_checkpoint
-from autophyx_tet.predictors.film.unet import FilmUNet
+from autophyx_tet.predictors.film.unet import FilmUNet, NetworkConfig
 from autophyx_tet.predictors.film.words import CHANNELS
 from autophyx_tet.predictors.grid import Grid, PartVoxels
 from autophyx_tet.research.evaluation.parser import listen

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import torch
-from autophyx_tet.predictors.encoders.network import (
+from autophyx_tet.predictors.encoders.plain import (
     COLOURS,
     MULTIPLE,
     STRIDE,

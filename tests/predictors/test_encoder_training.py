@@ -12,8 +12,7 @@ import trimesh
 from autophyx_tet.fem.scene.up import up_vector
 from autophyx_tet.predictors.appearance.views import hemisphere, render_views
 from autophyx_tet.predictors.asset import Asset, Part
-from autophyx_tet.predictors.encoders.network import LENGTH, STRIDE, head, levels
-from autophyx_tet.predictors.encoders.plain import Embedded
+from autophyx_tet.predictors.encoders.plain import LENGTH, STRIDE, Embedded, head, levels
 from autophyx_tet.predictors.text.parts import KINDS, bare_words, kind_of
 from autophyx_tet.research.training.encoder.corpus import Specimen, read_corpus, write_corpus
 from autophyx_tet.research.training.encoder.head import (

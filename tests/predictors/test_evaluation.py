@@ -8,7 +8,7 @@ import torch
 from autophyx_tet.fem.errors import InputError, UsageError
 from autophyx_tet.fem.table import load_table
 from autophyx_tet.predictors.field import DEFAULT
-from autophyx_tet.predictors.film.config import Output, VoxelScene
+from autophyx_tet.predictors.film.unet import Output, VoxelScene
 from autophyx_tet.predictors.grid import Grid, PartVoxels
 from autophyx_tet.predictors.text.parts import Vocabulary
 from autophyx_tet.research.datasets.real import CELLS, RealObject

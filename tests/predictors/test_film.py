@@ -8,10 +8,18 @@ import pytest
 import torch
 from autophyx_tet.fem.table import load_table
 from autophyx_tet.predictors.field import DEFAULT, Normalisation
-from autophyx_tet.predictors.film.config import NetworkConfig, VoxelScene, halve
-from autophyx_tet.predictors.film.layers import FilmBlock, MaskedGroupNorm, Modulation
 from autophyx_tet.predictors.film.predictor import FilmPredictor
-from autophyx_tet.predictors.film.unet import USELESS, FilmUNet, count_parameters
+from autophyx_tet.predictors.film.unet import (
+    USELESS,
+    FilmBlock,
+    FilmUNet,
+    MaskedGroupNorm,
+    Modulation,
+    NetworkConfig,
+    VoxelScene,
+    count_parameters,
+    halve,
+)
 from autophyx_tet.predictors.film.words import CHANNELS, LOUDNESS, with_lexicon
 from autophyx_tet.predictors.grid import Grid, PartVoxels
 from autophyx_tet.research.datasets.constraints import holds

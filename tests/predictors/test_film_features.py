@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 import torch
-from autophyx_tet.predictors.film.config import NetworkConfig, VoxelScene, halve
-from autophyx_tet.predictors.film.unet import FilmUNet
+from autophyx_tet.predictors.film.unet import FilmUNet, NetworkConfig, VoxelScene, halve
 from autophyx_tet.research.datasets.real import CELLS, RealObject, load_real, save_real
 from autophyx_tet.research.training.film.simulated_evidence import (
     simulate_features,

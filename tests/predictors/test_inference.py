@@ -2,9 +2,8 @@
 
 import pytest
 import torch
-from autophyx_tet.predictors.film.config import NetworkConfig, VoxelScene
 from autophyx_tet.predictors.film.predictor import _distinct
-from autophyx_tet.predictors.film.unet import FilmUNet
+from autophyx_tet.predictors.film.unet import FilmUNet, NetworkConfig, VoxelScene
 
 SMALL = NetworkConfig(widths=(8, 16, 16, 16, 16), text_dim=12, slot_width=16, key_width=8)
 

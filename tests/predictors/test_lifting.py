@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from autophyx_tet.fem.errors import InputError
-from autophyx_tet.predictors.appearance.lifting import Rays, lift, pixel_rays, ray_weights
+from autophyx_tet.predictors.appearance.features import Rays, lift, pixel_rays, ray_weights
 from autophyx_tet.predictors.appearance.surface import density_of_points, opaque_density
 from autophyx_tet.predictors.appearance.views import hemisphere, look_at
 from autophyx_tet.predictors.grid import Grid

@@ -143,7 +143,7 @@ def test_the_second_opinion_fills_what_the_grammar_leaves_and_keeps_the_rest():
     assert with_second_opinion(whole, labels, table) == whole
 
 
-def test_a_reading_of_other_values_that_is_not_sure_is_a_doubt_and_changes_nothing(monkeypatch):
+def test_a_reading_of_other_values_that_is_not_sure_is_a_doubt(monkeypatch):
     from autophyx_tet.fem.table import load_table
     from autophyx_tet.predictors.text import tagger
     from autophyx_tet.predictors.text.reader import read_sentence
@@ -161,7 +161,8 @@ def test_a_reading_of_other_values_that_is_not_sure_is_a_doubt_and_changes_nothi
         return seat.material, [note.kind for note in seat.doubts]
 
     oak = table.phrases["oak"].name
-    assert told(0.5 * (tagger.TOLD + tagger.SURE)) == (oak, ["tagger.differs"])
+    assert told(0.5 * (tagger.TOLD + tagger.AGAINST)) == (oak, ["tagger.differs"])
+    assert told(0.5 * (tagger.AGAINST + tagger.SURE)) == ("brass", ["tagger.likely"])
     assert told(0.99 * tagger.TOLD) == (oak, [])
 
 

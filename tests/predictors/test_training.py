@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 import torch
 from autophyx_tet.fem.errors import InputError
-from autophyx_tet.predictors.film.config import NetworkConfig
 from autophyx_tet.predictors.film.predictor import Frame
+from autophyx_tet.predictors.film.unet import NetworkConfig
 from autophyx_tet.predictors.film.words import with_lexicon
 from autophyx_tet.predictors.grid import Grid, PartVoxels
 from autophyx_tet.research.datasets.objects import make_objects

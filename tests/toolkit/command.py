@@ -11,7 +11,7 @@ from autophyx_tet.toolkit.cli.main import main
 def run_cli(*arguments, cwd=None):
     """Run in a process of its own, as a user would."""
     return subprocess.run(
-        [sys.executable, "-m", "autophyx_tet.toolkit.cli", *map(str, arguments)],
+        [sys.executable, "-m", "autophyx_tet", *map(str, arguments)],
         capture_output=True,
         text=True,
         cwd=cwd,

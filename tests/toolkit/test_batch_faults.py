@@ -51,7 +51,7 @@ def boxes(folder, count):
 
 def start(manifest, output, *options):
     """A batch as a user starts it, in a process of its own."""
-    command = [sys.executable, "-m", "autophyx_tet.toolkit.cli", "batch", str(manifest)]
+    command = [sys.executable, "-m", "autophyx_tet", "batch", str(manifest)]
     return subprocess.Popen(
         [*command, "-o", str(output), "--json", *options], preexec_fn=_hear_interrupts, **PIPES
     )

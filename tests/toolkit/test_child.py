@@ -74,6 +74,22 @@ def test_a_killed_engine_is_a_crash():
 
 
 @pytest.mark.slow
+def test_a_fault_of_its_start_is_forgiven_once():
+    """A segmentation fault of the first child: a second one answers."""
+    ours = Path(f"/proc/{os.getpid()}/task/{threading.get_native_id()}/children")
+    ended = []
+
+    def fault(stage, seconds):
+        if stage != "working" and not ended:
+            ended.extend(ours.read_text().split())
+            for process in ended:
+                os.kill(int(process), signal.SIGSEGV)
+
+    assert len(_run(progress=fault)["tets"])
+    assert len(ended) == 1
+
+
+@pytest.mark.slow
 def test_crash_is_told_apart_from_an_error():
     """Negative indices make the engine crash with a signal; an unknown option is an error."""
     with pytest.raises(ChildFailure, match="SIG") as failure:

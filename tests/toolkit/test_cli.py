@@ -110,7 +110,7 @@ def test_the_examples_of_the_help_parse():
 
 def test_a_reader_that_goes_away_is_no_error():
     """`--help | head -1`: the rest is not written, and nothing is said about it."""
-    command = f'"{sys.executable}" -m autophyx_tet.toolkit.cli --help | head -n 1'
+    command = f'"{sys.executable}" -m autophyx_tet --help | head -n 1'
     done = subprocess.run(["sh", "-c", command], capture_output=True, text=True, check=True)
     assert (len(done.stdout.splitlines()), done.stderr) == (1, "")
 

@@ -141,7 +141,7 @@ def test_an_asset_in_the_place_of_a_mesh_is_told_the_way(verb, cube, tmp_path):
 @pytest.mark.slow
 def test_a_terminal_without_greek_is_written_to():
     """What ASCII cannot show is a question mark, not a crash."""
-    words = [sys.executable, "-m", "autophyx_tet.toolkit.cli", "materials", "oak"]
+    words = [sys.executable, "-m", "autophyx_tet", "materials", "oak"]
     plain = os.environ | {"PYTHONIOENCODING": "ascii", "PYTHONUTF8": "0"}
     done = subprocess.run(words, env=plain, capture_output=True, check=False)
     assert done.returncode == 0, done.stderr
@@ -163,7 +163,7 @@ def test_unknown_option_is_exit_2(cube):
 @pytest.mark.slow
 def test_a_mesh_goes_through_a_pipe(cube_msh, tmp_path):
     """A dash is stdin and stdout: what came through has its materials, and no word more."""
-    cli = [sys.executable, "-m", "autophyx_tet.toolkit.cli"]
+    cli = [sys.executable, "-m", "autophyx_tet"]
     call = [*cli, "assign", "-", "--text", "the cube is oak", "-o", "-"]
     done = subprocess.run(call, input=cube_msh.read_bytes(), capture_output=True, check=True)
     (tmp_path / "oak.msh").write_bytes(done.stdout)

@@ -19,7 +19,7 @@ from autophyx_tet.fem.errors import AutophyxError, InputError
 from autophyx_tet.fem.mesh import box_mesh
 from autophyx_tet.toolkit.asset.formats import References, read_content
 from autophyx_tet.toolkit.asset.readers import CARRIER
-from autophyx_tet.toolkit.meshing.import_tets import SUFFIXES, import_tets
+from autophyx_tet.toolkit.meshing.convert import SUFFIXES, import_tets
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 

@@ -5,7 +5,7 @@ import pytest
 from autophyx_tet.converters.mesh.meshdata import write_mesh
 from autophyx_tet.fem.errors import InputError
 from autophyx_tet.fem.mesh import TetMesh, box_mesh
-from autophyx_tet.toolkit.meshing.import_tets import import_tets
+from autophyx_tet.toolkit.meshing.convert import import_tets
 
 
 @pytest.mark.parametrize("suffix", [".msh", ".vtu", ".vtk"])

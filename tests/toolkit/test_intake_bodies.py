@@ -16,8 +16,8 @@ from autophyx_tet.toolkit.asset.load import load_asset
 from autophyx_tet.toolkit.asset.repair import stacked
 from autophyx_tet.toolkit.meshing import convert as conversion
 from autophyx_tet.toolkit.meshing.convert import tetrahedralize
-from autophyx_tet.toolkit.meshing.floaters import MANY, SPECK, without_floaters
 from autophyx_tet.toolkit.meshing.guarantees import swallowed
+from autophyx_tet.toolkit.meshing.stuffing.pieces import MANY, SPECK, without_floaters
 from autophyx_tet.toolkit.options import ConvertOptions
 
 from ..converters.test_isosurface import ball_of_splats

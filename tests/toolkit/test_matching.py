@@ -6,7 +6,7 @@ import trimesh
 from autophyx_tet.toolkit.asset.repair import repair
 from autophyx_tet.toolkit.asset.solids import Solids
 from autophyx_tet.toolkit.meshing.stuffing import mesher
-from autophyx_tet.toolkit.meshing.stuffing.field import SolidField
+from autophyx_tet.toolkit.meshing.stuffing.lattice import SolidField
 from autophyx_tet.toolkit.meshing.stuffing.mesher import own_volumes, stuff, wanted_volumes
 from autophyx_tet.toolkit.meshing.stuffing.pieces import LONGEST, WIDER, narrowest
 

@@ -8,7 +8,7 @@ from autophyx_tet.converters.mesh.meshdata import write_mesh
 from autophyx_tet.fem.mesh import TetMesh, box_mesh
 from autophyx_tet.fem.scene.scene import Scene
 from autophyx_tet.fem.scene.supports import Supports
-from autophyx_tet.fem.solve.refinement import bisected
+from autophyx_tet.fem.solve.error import bisected
 from autophyx_tet.fem.solve.result import SAFETY
 
 from ..fem.bodies import with_uniform

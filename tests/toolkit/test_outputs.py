@@ -46,7 +46,7 @@ def test_a_document_that_is_not_ours_is_refused_before_the_work(box, tmp_path, m
     def no_work(*_, **__):
         raise AssertionError("the work has begun")
 
-    monkeypatch.setattr("autophyx_tet.toolkit.meshing.import_tets.read_data", no_work)
+    monkeypatch.setattr("autophyx_tet.toolkit.meshing.convert.read_data", no_work)
     monkeypatch.setattr("autophyx_tet.converters.mesh.meshdata.read_data", no_work)
     for verb, name, call in calls(box, tmp_path):
         for words in (FOREIGN, "not even JSON", "[1, 2]", ""):

@@ -25,7 +25,7 @@ from autophyx_tet.predictors.grid import Grid
 from autophyx_tet.toolkit.cli.main import main
 from autophyx_tet.toolkit.meshing import convert as conversion
 from autophyx_tet.toolkit.meshing.ftetwild import NoFilling
-from autophyx_tet.toolkit.meshing.particles import filled
+from autophyx_tet.toolkit.meshing.stuffing.mesher import filled
 from autophyx_tet.toolkit.options import SimulateOptions
 from autophyx_tet.toolkit.pipeline import assign, convert, simulate
 from autophyx_tet.toolkit.simulation.scenario import flowing_substances, particle_method, substances

@@ -4,10 +4,10 @@ import tomllib
 from pathlib import Path
 
 from autophyx_tet.toolkit.cli import terminal
-from autophyx_tet.toolkit.verdict import sentences
+from autophyx_tet.toolkit.verdict import check
 from autophyx_tet.toolkit.verdict.check import Check, with_doubts
 
-ADVICE = tomllib.loads(Path(sentences.__file__).with_suffix(".toml").read_text())["advice"]
+ADVICE = tomllib.loads(Path(check.__file__).with_name("sentences.toml").read_text())["advice"]
 
 
 def shown(capsys, document, lines):

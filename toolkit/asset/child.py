@@ -43,6 +43,7 @@ Kind = Literal["time", "memory", "crash", "error"]
 WAITING = 20.0
 MOST_SAID = 2**20  # bytes of what a child printed that are read again and again
 POLL = 0.05  # s between two looks at the child: unnoticeable beside a process start of 0.3 s
+SOON = 5.0  # CPU s after which a crash is no accident of a start
 MEMORY_SHARE = 0.75  # of the machine's memory: the child fails before the machine swaps
 _KINDS: dict[str, Kind] = {"MemoryError": "memory"}
 _JOB, _RESULT, _FAILURE, _LOG = "job.npz", "result.npz", "failure.txt", "log.txt"
@@ -85,7 +86,31 @@ def run_guarded(
     hopeless: Called with all that the child has printed and its CPU seconds so far; whether to end
         it.
     Raises ChildFailure: Where the child ran out of time or memory, crashed, or reported an error.
+
+    A child with a segmentation fault within ``SOON`` is started once more: threads of native
+    libraries, open3d's among them, trip over each other once in a few hundred starts.
     """
+    asked = task, arrays, options, time_limit, memory_limit, progress, clock, hopeless
+    try:
+        return _run(*asked)
+    except ChildFailure as failure:
+        if "SIGSEGV" not in str(failure) or failure.seconds > SOON:
+            raise
+        log.debug("%s, and is started once more", failure)
+        return _run(*asked)
+
+
+def _run(
+    task: str,
+    arrays: Mapping[str, np.ndarray],
+    options: Mapping[str, Any] | None,
+    time_limit: float,
+    memory_limit: int | None,
+    progress: Progress | None,
+    clock: Clock | None,
+    hopeless: Callable[[str, float], bool] | None,
+) -> Arrays:
+    """One child, from its start to its end."""
     started = time.monotonic()
     with tempfile.TemporaryDirectory(prefix="autophyx-tet-") as name:
         folder = Path(name)

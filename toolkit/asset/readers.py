@@ -139,7 +139,7 @@ def read_carrier(path: Path, data: bytes, references: References) -> AssetConten
 
     Our own archive of a density grid is metres by contract; nothing else names its unit.
     """
-    from ...converters.carriers import is_density
+    from ...converters.transfer import is_density
 
     if not is_density(path):
         up = "y" if path.suffix.lower() == ".spz" else "-y"  # its specification says y up

@@ -31,7 +31,7 @@ MESHERS: Registry[Mesher] = Registry(
     {
         FTETWILD: "ftetwild:run_engine",
         STUFFING: "stuffing.mesher:stuffed",
-        PARTICLES: "particles:filled",
+        PARTICLES: "stuffing.mesher:filled",
     },
 )
 

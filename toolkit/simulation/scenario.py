@@ -47,8 +47,8 @@ from .budget import Plan, check_budget, paced, planned
 
 if TYPE_CHECKING:
     from ...fem.mpm.method import MpmMethod
-    from ...fem.reduced.method import ReducedMethod
-    from ...fem.springs.method import SpringMethod
+    from ...fem.reduced.motion import ReducedMethod
+    from ...fem.springs.body import SpringMethod
 
 
 STANDING_MODES = 3
@@ -133,7 +133,7 @@ def run_scenario(
 
 def _refined(scene: Scene, options: SimulateOptions, kind: str) -> Scene:
     """The scene on a mesh that is fine enough, or a warning of why it is not."""
-    from ...fem.solve.refinement import refine_scene
+    from ...fem.solve.error import refine_scene
 
     percent = cast("float", options.refine)
     if kind != "statics" or options.order == 1:
@@ -345,9 +345,8 @@ def reduced_method(
 ) -> ReducedMethod:
     """Reduced bodies of the kind and size, and with the fitted moduli, that the options name."""
     from ...converters.archives import load_fits
-    from ...fem.reduced.method import ReducedMethod
     from ...fem.reduced.model import Subspace
-    from ...fem.reduced.motion import ROUNDS
+    from ...fem.reduced.motion import ROUNDS, ReducedMethod
 
     _check_parameters(options)
     moduli = Moduli(1.0, None)
@@ -369,7 +368,7 @@ def spring_method(
 ) -> SpringMethod:
     """Springs of the network that the options name, or of the one that was fitted."""
     from ...converters.archives import load_springs
-    from ...fem.springs.method import SpringMethod
+    from ...fem.springs.body import SpringMethod
 
     _check_parameters(options)
     if options.parameters is None:

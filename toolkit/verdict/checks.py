@@ -10,8 +10,7 @@ import numpy as np
 from ...fem.laws.law import LAWS
 from ...fem.mesh import USUAL_SIZE, TetMesh, edge_fraction, largest_explicit_step
 from ...fem.note import Note
-from ...fem.reactions import standing_pieces
-from ...fem.safety import Safety
+from ...fem.safety import Safety, standing_pieces
 from ...fem.scene.loads import resultant
 from ...fem.scene.scene import Scene
 from ...fem.scene.selection import TOUCH

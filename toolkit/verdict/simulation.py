@@ -16,8 +16,7 @@ from ...fem.elements.assembly import discretise
 from ...fem.laws.law import LAWS
 from ...fem.mesh import TetMesh, piece_names
 from ...fem.note import Note
-from ...fem.reactions import reactions
-from ...fem.safety import PartStresses, Safety, part_safety, part_stresses
+from ...fem.safety import PartStresses, Safety, part_safety, part_stresses, reactions
 from ...fem.scene.loads import resultant
 from ...fem.scene.scene import Scene
 from ...fem.solve.method import SCENARIOS

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from ....predictors.encoders.network import LENGTH, STRIDE, Weights, Widths, levels
+from ....predictors.encoders.plain import LENGTH, STRIDE, Weights, Widths, levels
 from .corpus import Corpus
 from .pictures import NO_VARIETY, Variety, draw_pictures
 

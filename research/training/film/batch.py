@@ -7,7 +7,7 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-from ....predictors.film.config import VoxelScene
+from ....predictors.film.unet import VoxelScene
 from ...datasets.shapes import MAX_PARTS
 from ..sentences import Clauses
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, fields
 
 from ....fem.errors import InputError
-from ....predictors.film.config import NetworkConfig
+from ....predictors.film.unet import NetworkConfig
 from ..options import TrainerOptions
 from .mixture import Mixture
 

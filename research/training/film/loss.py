@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional as F
 
-from ....predictors.film.config import Output
+from ....predictors.film.unet import Output
 from ..trainer import Losses
 from .batch import CLAUSES, TrainingBatch
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ....predictors.film.config import NetworkConfig
+from ....predictors.film.unet import NetworkConfig
 from ....predictors.film.words import CHANNELS, HintedEncoder
 from ...datasets.real import RealObject
 from ...datasets.text_table import TextTable, build_text_table

@@ -11,7 +11,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional as F
 
-from ....predictors.film.config import VoxelScene
+from ....predictors.film.unet import VoxelScene
 from ...datasets.grammar import Role
 from ...datasets.parts import part_kinds
 from ...datasets.shapes import EMPTY, MAX_PARTS

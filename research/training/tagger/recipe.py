@@ -28,7 +28,7 @@ LONGEST = 256  # tokens of a question and a text; longer made ones are left out
 LONGEST_NAME = 40  # characters of a material's name
 POOL = 6000  # pairs that a worker sorts by length into batches
 PER_TEXT = 4  # parts that are asked about of one text, at most
-OF_SENTENCES = 0.4  # share of the texts that are made of the benchmark's sentences
+OF_SENTENCES = 0.7  # share of the texts that are made of marked sentences
 HEARD = ("attention.self.query", "attention.self.key", "attention.self.value")
 PAD, QUESTION = -2, -1  # in place of roles
 

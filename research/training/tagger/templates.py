@@ -1,7 +1,11 @@
-"""Sentences of the benchmark's sets as templates: their words of matter and names of parts change.
+"""Sentences with marked words as templates: their words of matter and names of parts change.
 
-``data/spans.json`` says which words of a sentence speak of which part, in which role: where the
-reader or the tagger had a part right, those words; where both had it wrong, marked by hand. Parts
+``data/marked/*.txt`` holds texts of many hands, written to be learned from. A block is the language
+and the names of the parts, then the text with marks, ``{lid, base|m:grey cast iron}``: the parts
+that the words speak of, and the role by a letter of ``MARKS``.
+
+``data/spans.json`` says of the benchmark's sets which words of a sentence speak of which part, in
+which role: where the reader or the tagger had a part right, those words; else marked by hand. Parts
 that nobody marked are left out, and not asked about.
 """
 
@@ -16,9 +20,27 @@ from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
 
-from .generator import ALTERNATIVE, DATA, EXCLUDED, MATTER, Example, Generator, Piece, Span
+from .generator import (
+    ALTERNATIVE,
+    COATING,
+    CONTENT,
+    DATA,
+    EXCLUDED,
+    MATTER,
+    NUMBER,
+    RELATION,
+    Example,
+    Generator,
+    Piece,
+    Span,
+)
 
 SETS = Path(__file__).parents[3] / "benchmarks" / "data"
+MARKS = {
+    "m": MATTER, "n": NUMBER, "c": COATING, "f": CONTENT, "x": EXCLUDED, "o": ALTERNATIVE,
+    "r": RELATION,
+}  # fmt: skip
+_MARK = re.compile(r"\{([^{}|]+)\|([a-z]):([^{}]+)\}")
 _EXCHANGED = {MATTER, EXCLUDED, ALTERNATIVE}
 _PLAIN = re.compile(r"[^\W\d_][\w %+./-]{1,38}")  # of a matter that another may stand for
 _CUT = re.compile(r"(?<=[a-z])(?=[A-Z])|(?<=[^\W\d_])(?=\d)|[\W_]+|\d+")
@@ -37,8 +59,12 @@ class Template(NamedTuple):
 
 
 def load_templates(without: Collection[str] = ()) -> list[Template]:
-    """Templates of all marked sets but those ``without``; none where the sets are not there."""
-    found = []
+    """Templates of all marked texts and of the sets but those ``without``, where they are there."""
+    found = [
+        marked_template(block)
+        for path in sorted((DATA / "marked").glob("*.txt"))
+        for block in path.read_text(encoding="utf-8").split("\n---\n")
+    ]
     for name, marked in json.loads((DATA / "spans.json").read_text(encoding="utf-8")).items():
         path = SETS / f"sentences_{name}.toml"
         if name in without or not path.exists():
@@ -50,6 +76,25 @@ def load_templates(without: Collection[str] = ()) -> list[Template]:
                 names = list(sentence["parts"])
                 found.append(Template(sentence["text"], language, names, own, frozenset(skip)))
     return found
+
+
+def marked_template(block: str) -> Template:
+    r"""Template of a block of ``data/marked``.
+
+    >>> template = marked_template("# en | Lid_1, box\nLid {Lid_1|m:oak}, not {Lid_1|x:teak}")
+    >>> template.text, template.names, [tuple(span) for span in template.spans]
+    ('Lid oak, not teak', ['Lid_1', 'box'], [(4, 7, (0,), 1), (13, 17, (0,), 5)])
+    """
+    head, _, marked = block.strip("-\n").partition("\n")
+    language, _, named = head.removeprefix("#").partition("|")
+    names = [name.strip() for name in named.split(",")]
+    text, spans, at = "", [], 0
+    for mark in _MARK.finditer(marked):
+        text += marked[at : mark.start()]
+        owners = tuple(names.index(name.strip()) for name in mark[1].split(","))
+        spans.append(Span(len(text), len(text) + len(mark[3]), owners, MARKS[mark[2]]))
+        text, at = text + mark[3], mark.end()
+    return Template(text + marked[at:], language.strip(), names, spans, frozenset())
 
 
 class TemplateTexts:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field, fields
 from typing import Literal
 
-from ....predictors.unipixie.config import SHIPPED as SHIPPED_NETWORK
-from ....predictors.unipixie.config import UniPixieConfig
+from ....predictors.unipixie.network import SHIPPED as SHIPPED_NETWORK
+from ....predictors.unipixie.network import UniPixieConfig
 from ..options import TrainerOptions
 
 # The paper's. Table S2 and S4 give width, blocks, heads, latents; how wide the stem's middle and

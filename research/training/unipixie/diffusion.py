@@ -12,8 +12,7 @@ from itertools import pairwise
 import torch
 from torch import Tensor, nn
 
-from ....predictors.unipixie.config import MATTER, UniPixieConfig
-from ....predictors.unipixie.network import TIMES, TimeWaves
+from ....predictors.unipixie.network import MATTER, TIMES, TimeWaves, UniPixieConfig
 from .batch import MatterBatch, part_means, spread_parts, voxels_of
 from .loss import MatterOutput
 from .regression import STEER, RegressionUNet

@@ -14,8 +14,14 @@ import torch
 from torch import Tensor, nn
 
 from ....predictors.field import DEFAULT
-from ....predictors.unipixie.config import UniPixieConfig
-from ....predictors.unipixie.network import FlowDecoder, UniPixie, VoxelHead, Voxels, known_of
+from ....predictors.unipixie.network import (
+    FlowDecoder,
+    UniPixie,
+    UniPixieConfig,
+    VoxelHead,
+    Voxels,
+    known_of,
+)
 from ...datasets.objects import HELD_OUT, Objects, make_objects
 from ..stores import procedural_labels
 from ..trainer import Losses

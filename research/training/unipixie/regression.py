@@ -12,8 +12,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
 
-from ....predictors.unipixie.config import CLASSES, MATTER, UniPixieConfig
-from ....predictors.unipixie.network import Projector
+from ....predictors.unipixie.network import CLASSES, MATTER, Projector, UniPixieConfig
 from .batch import MatterBatch, voxels_of
 from .loss import MatterOutput
 

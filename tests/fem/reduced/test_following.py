@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 from autophyx_tet.fem.reduced.basis import orthonormal_fields, relative_error, whole_model
-from autophyx_tet.fem.reduced.method import ReducedMethod, with_motion_error
 from autophyx_tet.fem.reduced.model import Subspace
-from autophyx_tet.fem.reduced.motion import Following, enriched
+from autophyx_tet.fem.reduced.motion import Following, ReducedMethod, enriched, with_motion_error
 from autophyx_tet.fem.scene.scene import Scene
 from autophyx_tet.fem.solve.dynamics import Dynamics
 from autophyx_tet.fem.solve.schemes import Scheme

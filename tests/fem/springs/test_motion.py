@@ -10,14 +10,13 @@ from autophyx_tet.fem.scene.obstacles import Plane, Sphere
 from autophyx_tet.fem.solve.dynamics import Dynamics
 from autophyx_tet.fem.solve.modal import natural_modes
 from autophyx_tet.fem.solve.schemes import Scheme
-from autophyx_tet.fem.springs.body import spring_body
+from autophyx_tet.fem.springs.body import SpringMethod, spring_body
 from autophyx_tet.fem.springs.fit import (
     fit_both_ends,
     fit_to_motion,
     scale_to_frequency,
     spring_warnings,
 )
-from autophyx_tet.fem.springs.method import SpringMethod
 from autophyx_tet.fem.springs.motion import network_frequencies
 from autophyx_tet.fem.springs.network import SOFTEST, STIFFEST, eta_for_ratio, stiffened
 

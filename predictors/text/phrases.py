@@ -1,0 +1,89 @@
+"""The phrase network: which row of the table some words of matter mean.
+
+"CuAl10Fe5Ni5-C", "checkerplate ally" and "madera de haya" share their letters with what the table,
+the standards and the lists of other languages call alike. A phrase is the mean of the vectors of
+its runs of one to five letters, its words and its shape (fastText: Bojanowski et al. 2017), then
+one hidden layer. ``autophyx-tet train phrases`` makes the weights.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator
+from functools import lru_cache
+from itertools import pairwise
+from pathlib import Path
+from typing import NamedTuple
+from zlib import crc32
+
+import numpy as np
+
+WEIGHTS = Path(__file__).parents[1] / "weights" / "phrases.safetensors"
+BUCKETS = 2**15  # of the hash; the first stands for nothing
+LONGEST_RUN = 5  # letters
+SHAPE = 12  # signs: "CuAl10" is "AaAa00"
+ALIKE = (0.2, 0.06)  # differences in ln E and ln rho
+
+
+def features(phrase: str) -> list[int]:
+    """Places, in the table of vectors, of a phrase's runs of letters, words, pairs and shape.
+
+    >>> features("oak ") == features("oak"), features("oak") == features("Oak")
+    (True, False)
+    """
+    return [crc32(run.encode()) % (BUCKETS - 1) + 1 for run in _runs(" ".join(phrase.split()))]
+
+
+def _runs(phrase: str) -> Iterator[str]:
+    low = f" {phrase.lower()} "
+    for length in range(1, LONGEST_RUN + 1):
+        yield from (f"{length}{low[i : i + length]}" for i in range(len(low) - length + 1))
+    words = re.findall(r"[^\W_]+", low)
+    yield from (f"w{word}" for word in words)
+    yield from (f"p{a} {b}" for a, b in pairwise(words))
+    shape = re.sub(r"[a-z]", "a", re.sub(r"[A-Z]", "A", re.sub(r"\d", "0", phrase)))
+    yield f"s{shape[:SHAPE]}"
+
+
+class Meant(NamedTuple):
+    """The likeliest row of a phrase, "" for none, and the share of all rows like it."""
+
+    row: str
+    share: float
+
+
+class PhraseNetwork:
+    """Gives a phrase the name of a row of the table; ``path`` holds the weights."""
+
+    def __init__(self, path: Path = WEIGHTS) -> None:
+        from safetensors import safe_open
+
+        with safe_open(path, framework="np") as file:
+            self.rows: list[str] = json.loads(file.metadata()["rows"])
+            self._vectors = file.get_tensor("vectors"), file.get_tensor("steps")
+            self._values = file.get_tensor("values")  # ln E and ln rho of the rows
+            self._hidden, self._out = (
+                [file.get_tensor(f"{layer}.{kind}").astype(np.float32) for kind in ("w", "b")]
+                for layer in ("hidden", "out")
+            )
+
+    def meant(self, phrase: str) -> Meant:
+        """The row that a phrase most likely means."""
+        places = features(phrase)
+        vectors, steps = self._vectors
+        mean = (vectors[places] * steps[places, None].astype(np.float32)).mean(axis=0)
+        hidden = np.maximum(self._hidden[0] @ mean + self._hidden[1], 0)
+        logits = self._out[0] @ hidden + self._out[1]
+        shares = np.exp(logits - logits.max())
+        best = int(shares.argmax())
+        if not self.rows[best]:
+            return Meant("", float(shares[best] / shares.sum()))
+        alike = (np.abs(self._values - self._values[best]) < ALIKE).all(axis=1)
+        return Meant(self.rows[best], float(shares[alike].sum() / shares.sum()))
+
+
+@lru_cache(maxsize=1)
+def load_phrases() -> PhraseNetwork:
+    """The shipped network, read once."""
+    return PhraseNetwork()
