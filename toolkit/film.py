@@ -176,7 +176,8 @@ def largest_piece(mesh: TetMesh) -> TetMesh:
 
     Examples
     --------
-    >>> from autophyx_tet.fem import box_mesh, join_meshes
+    >>> from autophyx_tet.fem import box_mesh
+    >>> from autophyx_tet.fem.mesh import join_meshes
     >>> two = join_meshes(box_mesh((1, 1, 1), (2, 2, 2)), box_mesh((1, 1, 1), (1, 1, 1)), (5, 0, 0))
     >>> len(largest_piece(two).tets)
     48
