@@ -272,13 +272,18 @@ def _read(
     text: str, mesh: TetMesh, sidecar: Sidecar, options: AssignOptions
 ) -> tuple[Bound, MaterialTable]:
     """What a text says of the regions of a mesh, read here, once; and the materials it may name."""
+    from ..predictors.regions.division import region_numbers
     from ..predictors.text.reader import read_sentence
     from ..predictors.text.tagger import with_second_opinion
 
     table = with_own_rows(options.table) if options.table else load_table()
     labels = sidecar.labels_of(mesh.region_names)
     if not options.interpreter:
-        return with_second_opinion(read_sentence(text, labels, table), labels, table), table
+        bound = read_sentence(text, labels, table)
+        # The regions of one thing are called by numbers, and told apart by a network of their own
+        if region_numbers([own[0] for own in labels]):
+            return bound, table
+        return with_second_opinion(bound, labels, table), table
     from ..predictors.text.clauses import bind
     from ..predictors.text.interpreter import ChatEndpoint, interpret
 
