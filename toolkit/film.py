@@ -176,11 +176,12 @@ def largest_piece(mesh: TetMesh) -> TetMesh:
 
     Examples
     --------
-    >>> from autophyx_tet.fem import box_mesh
-    >>> from autophyx_tet.fem.mesh import join_meshes
-    >>> two = join_meshes(box_mesh((1, 1, 1), (2, 2, 2)), box_mesh((1, 1, 1), (1, 1, 1)), (5, 0, 0))
-    >>> len(largest_piece(two).tets)
-    48
+    >>> import numpy as np
+    >>> from autophyx_tet.fem import TetMesh, box_mesh
+    >>> bar = box_mesh((4, 1, 1), (4, 1, 1))  # of six tets a cell; without its third one:
+    >>> left = bar.tets[abs(bar.centroids[:, 0] - 2.5) > 0.5]
+    >>> len(largest_piece(TetMesh(bar.points, left, np.zeros(18, dtype=int))).tets)
+    12
     """
     piece = face_components(mesh)
     kept = piece == np.bincount(piece, mesh.volumes).argmax()
