@@ -15,7 +15,8 @@ from .appearance.features import Appearance
 from .asset import UpAxis
 from .grid import PartVoxels
 from .partition import alike, merged
-from .prediction import PREDICTORS, Numbered, PartChoice, Prediction, Predictor
+from .prediction import Numbered, PartChoice, Prediction
+from .predictor import PREDICTORS, Predictor
 from .regions.division import Regions, apart, cut, region_name, region_numbers
 from .regions.pieces import carve, divided, of_matters
 from .resolve.resolve import RetrievalPredictor, lookup_of

@@ -1,30 +1,22 @@
-"""What a predictor gives: the material of every part, why, and the field that follows from it.
-
-Words come first: what they settle is chosen before a predictor is asked, and stays. A predictor is
-one file and one line in ``PREDICTORS``, or a call of its ``register`` from outside.
-"""
+"""What a predictor gives: the material of every part, why, and the field that follows from it."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, ClassVar, NamedTuple, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from ..fem.mpm.materials import class_of
 from ..fem.note import Note
-from ..fem.registry import Registry
 from ..fem.table import FIELDS, Material, MaterialValue
 from .field import MaterialField, Ranges
 from .grid import PartVoxels
 
-if TYPE_CHECKING:
-    from .appearance.features import Appearance
-    from .asset import UpAxis
+if TYPE_CHECKING:  # the reader takes a while to load
     from .text.clauses import Clause, Sentence
-
 
 # Weight below which a material is a guess: a word that names it gives 1, the nearest of about 200
 # rows without one gives .1 to .25.
@@ -295,49 +287,3 @@ def field_of(
         material=np.where(parts.occupied, material, -1), material_names=tuple(names),
         ranges=Ranges(*ranges), alpha=alpha,
     )  # fmt: skip
-
-
-@runtime_checkable
-class Predictor(Protocol):
-    """Finds the materials of the parts that words leave open.
-
-    ``takes_alpha`` says whether it can move E of such a part from soft (0) to stiff (1),
-    ``takes_samples`` whether its class takes how many materials it is to draw of such a part.
-    """
-
-    name: ClassVar[str]
-    takes_alpha: ClassVar[bool]
-    takes_samples: ClassVar[bool]
-
-    def predict(
-        self,
-        parts: PartVoxels,
-        sentence: Sentence,
-        *,
-        choices: Sequence[PartChoice] | None = None,
-        appearance: Callable[[], Appearance] | None = None,
-        up: UpAxis = "z",
-        alpha: float | None = None,
-    ) -> Prediction:
-        """Return the materials of all parts.
-
-        parts: The cells [m] of every part.
-        sentence: What the user says of the object.
-        choices: For each part what words settle, else what they make likeliest; by default looked
-            up.
-        appearance: Gives what is seen of the cells; called only where it is needed.
-        up: The axis that points up.
-        alpha: Place of E in its range, 0 (soft) to 1 (stiff); None follows words such as "soft".
-        """
-        ...
-
-
-PREDICTORS: Registry[type[Predictor]] = Registry(
-    "predictor",
-    __package__ or "",
-    {
-        "film": "film.predictor:FilmPredictor",
-        "unipixie": "unipixie.predictor:UniPixiePredictor",
-        "retrieval": "resolve.resolve:RetrievalPredictor",
-    },
-)

@@ -19,7 +19,7 @@ FLOORS = {
     ),
     "predictors": (
         "asset", "grid", "field", "encoders", "text", "appearance", "prediction", "resolve",
-        "partition", "construction", "matter", "regions", "film", "unipixie", "assign",
+        "partition", "predictor", "construction", "matter", "regions", "film", "unipixie", "assign",
     ),
     "converters": (
         "registry", "files", "npz", "archives", "kernels", "mesh", "grids", "points", "embedding",

@@ -21,7 +21,7 @@ from ..fem.registry import Registry
 from ..fem.scene import UpAxis
 from ..fem.solve.method import SCENARIOS
 from ..predictors.encoders import ENCODERS, check_encoder
-from ..predictors.prediction import PREDICTORS
+from ..predictors.predictor import PREDICTORS
 from .asset import Unit, path_of
 from .meshing.meshers import AUTO, MESHERS, OR_PARTICLES, STUFFING
 

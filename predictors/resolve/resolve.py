@@ -530,9 +530,9 @@ class PartStatement:
 
     @property
     def unknown(self) -> Clause | None:
-        """The clause that names something unknown, where none names a material."""
+        """The clause that names something unknown, where none names a material that is known."""
         found = next((clause for clause in self.clauses if clause.unknown), None)
-        return None if self.naming else found
+        return found if self.naming in (None, found) else None
 
     def first(self, name: str):
         """Return the first of the clauses' fields of this name that says something."""
@@ -674,7 +674,10 @@ class Decider:
                 if statement.borrowed
                 else f"text: {naming.text!r}"
             )
-            choice = _choice(part, row, why, clause=naming, settled=not statement.open)
+            choice = _choice(
+                part, row, why, clause=naming, settled=not statement.open,
+                guessed=bool(naming.unknown),
+            )  # fmt: skip
             # "The chair is beech": so are its legs.
             of_object = statement.whole and not statement.spoken and names_object(naming)
             doubts = _kind_taken(part, statement, row)

@@ -286,9 +286,11 @@ def with_second_opinion(
                 clauses[k] = replace(clauses[k], doubts=tuple(kept))
         elif meant and not found and sure > (GUESSED if doubtful else AGAINST):
             told_else = any(c.numbers or c.comparisons or meant in c.excluded for c in own)
-            note = Note("tagger.likely", words=phrase, row=meant)
-            doubts = () if doubtful and sure > PLAIN else (note,)
-            clause = Clause(phrase, (0, 0), Subject("none"), meant, phrase, doubts=doubts)
+            guess = phrase if doubtful and sure <= PLAIN else ""
+            doubts = () if doubtful else (Note("tagger.likely", words=phrase, row=meant),)
+            clause = Clause(
+                phrase, (0, 0), Subject("none"), meant, phrase, unknown=guess, doubts=doubts
+            )
             found = [] if told_else else [clause]
         if not found:
             continue
@@ -306,7 +308,9 @@ def with_second_opinion(
         named = any(how not in GENERAL for how in parts[i].how)
         matters = [(start, end) for role, start, end in said.words if role == "matter"]
         inside = any(a <= start and end <= b for a, b in held for start, end in matters)
-        if named and inside and not doubtful:  # it has its own
+        if (named and inside and not doubtful) or (  # it has its own
+            (of_another or inside) and said.certainty < LIKELY
+        ):
             continue
         taken += spans
         if of_another or inside:

@@ -15,7 +15,8 @@ from autophyx_tet.fem.errors import UsageError
 from autophyx_tet.fem.mesh import TetMesh, box_mesh
 from autophyx_tet.fem.table import load_table
 from autophyx_tet.predictors.film import words as statement
-from autophyx_tet.predictors.prediction import PREDICTORS, PartChoice, Prediction, Predictor
+from autophyx_tet.predictors.prediction import PartChoice, Prediction
+from autophyx_tet.predictors.predictor import PREDICTORS, Predictor
 from autophyx_tet.predictors.text import reader
 from autophyx_tet.toolkit.cli.main import main
 from autophyx_tet.toolkit.options import AssignOptions, FeatureOptions

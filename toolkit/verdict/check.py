@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
 from html import escape
-from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 
 from ...fem.note import Note, severity_of
+from .sentences import template
 
 Outcome = Literal["passed", "failed", "doubtful", "not made"]
 Mark = Literal["good", "note", "warning", "unmade"]
@@ -269,14 +267,3 @@ def value_words(value: object) -> str:
     if isinstance(value, list | tuple):
         return ", ".join(map(value_words, value))
     return "–" if value is None else str(value)
-
-
-def template(kind: str) -> str | None:
-    """Sentence of a kind "file.key", with {fields} for its values; None of any other text."""
-    file, _, key = kind.partition(".")
-    return _templates().get(file, {}).get(key)
-
-
-@cache
-def _templates() -> dict[str, dict[str, str]]:
-    return tomllib.loads(Path(__file__).with_name("sentences.toml").read_text(encoding="utf-8"))
