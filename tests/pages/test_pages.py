@@ -48,6 +48,8 @@ ELSEWHERE = {
     "autophyx-tet evaluate --split validation --objects 80 --encoder embedded --renders 80 "
     "--predictors film film-names table-mean": HOURS,
     "autophyx-tet train tagger": HOURS,
+    "autophyx-tet train phrases -o run": "takes minutes; tests/predictors/language/test_phrases.py "
+    "has a shorter run",
     "autophyx-tet train tagger -o run": HOURS,
     "autophyx-tet dataset regions -o data && autophyx-tet train regions --data data -o run": HOURS,
     "autophyx-tet evaluate --split natural": FURNITURE,

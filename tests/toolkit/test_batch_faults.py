@@ -163,7 +163,7 @@ def test_a_full_disk_leaves_no_half_result(tmp_path):
     disk = tmp_path / "disk"
     disk.mkdir()
     manifest = boxes(tmp_path, 1)
-    command = f'"{sys.executable}" -m autophyx_tet.toolkit.cli batch "{manifest}" -o "$1" --json'
+    command = f'"{sys.executable}" -m autophyx_tet batch "{manifest}" -o "$1" --json'
     if may_mount(disk):
         call = ["unshare", "-rm", "bash", "-c", FULL_DISK.format(batch=command)]
     else:
