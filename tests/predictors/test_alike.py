@@ -10,7 +10,8 @@ from autophyx_tet.fem.table import load_table
 from autophyx_tet.predictors.assign import predict_materials
 from autophyx_tet.predictors.field import DEFAULT
 from autophyx_tet.predictors.grid import Grid, PartVoxels
-from autophyx_tet.predictors.prediction import PREDICTORS, PartChoice, Prediction
+from autophyx_tet.predictors.prediction import PartChoice, Prediction
+from autophyx_tet.predictors.predictor import PREDICTORS
 from autophyx_tet.predictors.resolve.resolve import nearest_row
 from autophyx_tet.predictors.text.reader import read_sentence
 from scipy.spatial.transform import Rotation

@@ -7,7 +7,7 @@ import pytest
 from autophyx_tet.fem.errors import InputError, UsageError
 from autophyx_tet.fem.table import load_table, outside_band
 from autophyx_tet.predictors.grid import Grid, PartVoxels
-from autophyx_tet.predictors.prediction import PREDICTORS, Predictor
+from autophyx_tet.predictors.predictor import PREDICTORS, Predictor
 from autophyx_tet.predictors.resolve.resolve import Lookup
 from autophyx_tet.predictors.text.materials import lexicon_of
 from autophyx_tet.predictors.text.reader import parse, read_sentence
