@@ -16,7 +16,7 @@ from .test_batch import make_manifest
 
 pytestmark = pytest.mark.long
 COARSE = {"edge_length_rel": "0.3", "order": "1", "cells": "16", "predictor": "retrieval"}
-DEADLINE = 300.0  # s that a batch of a few boxes may take on the busiest machine
+DEADLINE = 600.0  # s that a batch of a few boxes may take on the busiest machine
 PIPES = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
 FULL_DISK = """
 set -e
