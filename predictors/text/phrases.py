@@ -72,7 +72,7 @@ class PhraseNetwork:
         """The row that a phrase most likely means."""
         places = features(phrase)
         vectors, steps = self._vectors
-        mean = (vectors[places] * steps[places, None].astype(np.float32)).mean(axis=0)
+        mean = (vectors[places] * steps[places, None]).mean(axis=0)
         hidden = np.maximum(self._hidden[0] @ mean + self._hidden[1], 0)
         logits = self._out[0] @ hidden + self._out[1]
         shares = np.exp(logits - logits.max())

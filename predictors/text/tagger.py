@@ -259,18 +259,14 @@ def with_second_opinion(
         told = SURE if language else TOLD
         known = any(words.lower() in c.phrase.lower() for c in own)
         part = shown_name(names[i])
-        own_rows, own_numbers = _said(own)
+        own_rows = _said(own)[0]
         found: list[Clause] = []
         if words and not known and said.certainty >= (wanted if doubtful else told):
             others = names if len(names) <= _MANY else names[i : i + 1]
-            read = parse(lists()["alone"][language].format(part=part, words=words), table, others)
-            found = [c for c in read.clauses if c.says_matter]
-            rows, numbers = _said(found)
-            less = bool(own) and any(c.kind for c in found)  # "wood" says less than what is there
-            same = rows <= own_rows and numbers <= own_numbers
-            if less or same or _is_doubtful(read, found):
-                found = []
+            alone = lists()["alone"][language].format(part=part, words=words)
+            found = _more_than(own, parse(alone, table, others))
             if found and said.certainty < wanted:
+                rows = _said(found)[0]
                 if own_rows and not any(_are_alike(table, a, b) for a in own_rows for b in rows):
                     k = next(k for k in parts[i].clauses if clauses[k].material)
                     note = Note("tagger.differs", words=words, phrase=clauses[k].phrase)
@@ -279,9 +275,10 @@ def with_second_opinion(
                     parts[i] = parts[i]._replace(clauses=new)
                     clauses.append(replace(clauses[k], doubts=(*clauses[k].doubts, note)))
                 found = []
-        phrase, meant, sure = _meant(said, text, table)
+        phrase, meant, share = _meant(said, text, table)
+        sure = said.certainty * share
         if meant and any(_are_alike(table, a, meant) for a in own_rows):
-            for k in parts[i].clauses if sure > CONFIRMED * said.certainty else ():
+            for k in parts[i].clauses if share > CONFIRMED else ():
                 kept = (d for d in clauses[k].doubts if getattr(d, "kind", "") not in _BESIDE)
                 clauses[k] = replace(clauses[k], doubts=tuple(kept))
         elif meant and not found and sure > (GUESSED if doubtful else AGAINST):
@@ -324,6 +321,15 @@ def with_second_opinion(
     return _without_idle(bound, clauses, parts, taken)
 
 
+def _more_than(own: Sequence[Clause], read: Sentence) -> list[Clause]:
+    """Clauses of a reading that say more than what there is, without a doubt; else none."""
+    found = [c for c in read.clauses if c.says_matter]
+    (rows, numbers), (own_rows, own_numbers) = _said(found), _said(own)
+    less = bool(own) and any(c.kind for c in found)  # "wood" says less than what is there
+    same = rows <= own_rows and numbers <= own_numbers
+    return [] if less or same or _is_doubtful(read, found) else found
+
+
 def _may_hold(said: Said, span: tuple[int, int]) -> bool:
     """Whether the tagger leaves a part the words that the grammar gave it."""
     given = any(start < span[1] and span[0] < end for _, start, end in said.words)
@@ -331,13 +337,13 @@ def _may_hold(said: Said, span: tuple[int, int]) -> bool:
 
 
 def _meant(said: Said, text: str, table: MaterialTable) -> tuple[str, str, float]:
-    """What the phrase network takes a part's matter for: the words, a row or "", how sure."""
-    if {role for role, *_ in said.words} & _UNLIKE_MATTER:
-        return "", "", 0.0
+    """What the phrase network takes a part's matter for: the words, a row or "", its share."""
     phrase = ", ".join(text[start:end] for role, start, end in said.words if role == "matter")
+    if not phrase or {role for role, *_ in said.words} & _UNLIKE_MATTER:
+        return "", "", 0.0
     meant = load_phrases().meant(phrase)
-    row = table.phrases.get(meant.row.lower()) if phrase else None
-    return phrase, row.name if row else "", said.certainty * meant.share
+    row = table.phrases.get(meant.row.lower())
+    return phrase, row.name if row else "", meant.share
 
 
 def _are_alike(table: MaterialTable, a: str, b: str) -> bool:

@@ -112,15 +112,15 @@ def planned(
     met = [*scene.obstacles, *([scene.ground] if scene.ground else [])]
     v, pull = np.asarray(scene.velocity, float), np.asarray(scene.gravity_vector, float)
     speed = 2 * scene.longest / scene.duration
-    known = {"nu": material.nu, "rho": material.rho, "dt": 1 / BUDGET}
-    bends = material.E <= largest_modulus(spacing=scene.longest / min(GRIDS), **known)  # type: ignore
+    coarsest = scene.longest / min(GRIDS)
+    bends = material.E <= largest_modulus(material.nu, material.rho, coarsest, 1 / BUDGET)
     plans = []
     for grid in GRIDS:
         spacing, flight = scene.longest / grid, 0.0
         if v.ndim == 1 and not held.fixed.any():
             falls = (v, pull, scene.duration)
             flight = flight_time(mesh.points, met, *falls, room=CLEAR * spacing)
-        soft = material.E <= largest_modulus(spacing=spacing, **known)  # type: ignore
+        soft = material.E <= largest_modulus(material.nu, material.rho, spacing, 1 / BUDGET)
         waves = wave_speed(material.E, material.nu, material.rho)[soft]
         left = scene.duration - flight
         fastest = max(speed, float(np.linalg.norm(v + flight * pull)) / 2 if v.ndim == 1 else 0.0)
