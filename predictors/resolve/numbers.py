@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import NamedTuple
@@ -186,6 +187,13 @@ def with_numbers(
         skin = said["skin"].value if "skin" in said else USUAL_SKIN
         value, line = of_infill(value, said["infill"].value, within(skin) if within else 0.0)
         how.append(line)
+    if "void" in said:
+        share = 1 - said["void"].value
+        if _CELLULAR.search(row.name):  # its values have cells already, and of how much is unknown
+            warnings.append(Note("numbers.part_void", part=part, text=said["void"].text))
+        else:
+            value, _ = of_infill(value, share)
+            how.append(Note("numbers.void", share=share, e=value.E, rho=value.rho))
     if "mass" in said:
         before = value
         value = _of_mass(part, row, value, said["mass"], volume, how, warnings, named=named)
@@ -251,6 +259,9 @@ FOAMED = {
 }
 
 
+_CELLULAR = re.compile(r"^sintered (?!silicon)| foam\b.*| \(oil-retaining\)")
+
+
 def row_by_numbers(
     row: Material, table: MaterialTable, numbers: Sequence[Quantity], stiffness: int | None
 ) -> Material:
@@ -259,6 +270,8 @@ def row_by_numbers(
     light = said.get("rho", math.inf) < row.rho.min / BESIDE or (stiffness or 0) > 3
     if row.name in FOAMED and "rho" in said and light:
         return table.exact(FOAMED[row.name][-1 if (stiffness or 0) > 3 else 0])
+    if "void" in said:  # "aluminium foam, 85 % porosity" is aluminium with so much air
+        return table.phrases.get(_CELLULAR.sub("", row.name).lower(), row)
     if row.name.startswith("silicone rubber") and "shore_a" in said:
         degree = f"{round(said['shore_a'], -1):.0f}"
         graded = ("silicone", degree)

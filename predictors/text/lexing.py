@@ -8,9 +8,8 @@ comparisons, bare numbers) is a pass over the list.
 
 from __future__ import annotations
 
-import csv
 import re
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from ...fem.note import Note
@@ -566,101 +565,3 @@ def is_hue(after: Sequence[Lexeme]) -> bool:
         x.value.category == "wood" if isinstance(x.value, Material) else x.tag == "JJ"
         for x in after
     )
-
-
-# Tables as sentences: "part;material;price" and its rows become "bush: bronze".
-
-_SPACED = r"\s{2,}"  # columns that are aligned
-_WORDS = r"\s+(?![\[(])"  # columns of one word each but the last: "Part E [GPa] Material"
-_UNIT = re.compile(
-    r"(?i)(?<![a-z])([kmg]?pa|k?N/mm(?:\^?2|²)|[km]?psi|ksi|msi)(?![a-z])"
-    r"|(?<![a-z])(k?g)[ /]?([cd]?m)[³3]"
-)
-
-
-def without_tables(text: str, names: Collection[str] = ()) -> str:
-    """Return a text whose tables have become sentences, a row each.
-
-    A table begins with a line that names its columns, one of them of parts and another of what
-    these are of; columns of prices, numbers and the like are left out. Of numbers the unit may
-    stand in the name of their column. A row without such a line begins with one of the parts'
-    ``names``.
-    """
-    known = {name.lower() for name in names}
-    lines, out = _in_units(_with_positions(text, names)).splitlines(), list[str]()
-    while lines:
-        head, *lines = lines
-        for sign in (";", "\t", "|", ",", _SPACED, _WORDS):
-            columns = [_column(name) for name in _cells(head, sign)]
-            if "name" not in columns or len({*columns} - {""}) < 2:
-                continue
-            if sign == _WORDS and not (all(columns[1:]) and len(columns) > 3 and len(lines) > 1):
-                continue
-            rows = [_cells(line, sign, len(columns)) for line in lines]
-            count = next((i for i, row in enumerate(rows) if len(row) < 2), len(rows))
-            units = [_UNIT.search(name.replace("_", " ")) for name in _cells(head, sign)]
-            for row in rows[:count]:
-                cells = [
-                    f"{column} = {cell} {_unit(unit)}" if column in _MEASURES else cell
-                    for column, cell, unit in zip(columns, row, units, strict=False)
-                ]
-                said = list(zip(columns, cells, strict=False))
-                names = [cell for column, cell in said if column == "name"]
-                matter = [cell for column, cell in said if column not in ("", "name")]
-                out.append(f"{names[0]}: {', '.join(filter(str.strip, matter))};")
-            lines = lines[count:]
-            break
-        else:
-            cut = [_cells(head, sign) for sign in ";\t|" if "\n" in text]
-            row = next((r for r in cut if len(r) > 1 and known & {r[0].lower()}), [])
-            plain = row and not known & {cell.lower() for cell in row[1:]}
-            out.append(f"{row[0]}: {', '.join(row[1:])};" if plain else head)
-    return "\n".join(out)
-
-
-def _with_positions(text: str, names: Collection[str]) -> str:
-    """The text with parts in place of their numbers in a list: "cover same as pos 1"."""
-    items: dict[str, str] = {}
-    for name in sorted(names, key=len):  # the longest last: "casing cover" before "casing"
-        spelt = r"[\s_-]".join(map(re.escape, re.split(r"[\s_-]+", name)))
-        found = re.finditer(rf"(?i)(?<!\w){_ITEM}:? +{spelt}(?!\w)", text)
-        items |= {m[1]: name for m in found}
-    same = rf"(?i),?(?<!\w)(?: ?)(?<!\w)(as|like|wie|comme|como) ({_ITEM})(?!\w)"
-    return re.sub(same, lambda m: f" {m[1]} {items.get(m[3], m[2])}", text)
-
-
-def _in_units(text: str) -> str:
-    """The text with the units that it says once, as input of solvers does: "units N-mm-t"."""
-    if not _UNITS.search(text):
-        return text
-    text = re.sub(r"(?<!\w)(E ?= ?[\d.]+(?:e[+-]?\d+)?)(?![\w.]| ?[kMG]?Pa)", r"\1 MPa", text)
-    heavy = lambda m: f"rho = {float(m[1]) * 1e12:.10g} kg/m3"  # noqa: E731
-    return re.sub(r"(?<!\w)(?:rho|ρ|density) ?= ?(\d[\d.]*e-\d+)(?!\w|\.\d| ?k?[gt]/)", heavy, text)
-
-
-_ITEM = r"(?:pos(?:ition)?|item|no|nr|teil|rep(?:ère)?)\.? ?(\d+)"
-_UNITS = re.compile(
-    r"(?i)\b(?:N[-, /]+mm[-, /]+t(?:on(?:ne)?s?)?|t(?:on(?:ne)?s?)?[-, /]+mm[-, /]+[Ns]"
-    r"|mm[-, /]+(?:t(?:on(?:ne)?s?)?|N)[-, /]+(?:s|t|MPa|N))\b"
-)
-_MEASURES = ("E", "nu", "rho")
-
-
-def _unit(found: re.Match | None) -> str:
-    """A unit as it is written behind a number: "kgm3" is kg/m3."""
-    if found is None:
-        return ""
-    return found[1] or f"{found[2]}/{found[3]}3"
-
-
-def _column(name: str) -> str:
-    """What a column of this name holds, "" where that is no matter."""
-    bare = re.sub(r"[\[(].*|_(?=[A-Za-z]*/?[a-z]*\d?$).*", "", name).strip(" .:").lower()
-    return next((kind for kind, names in words()["columns"].items() if bare in names), "")
-
-
-def _cells(line: str, sign: str, most: int = 0) -> Sequence[str]:
-    if sign in (_SPACED, _WORDS):
-        most = max(most - 1, 0) if sign == _WORDS else 0
-        return [cell.strip() for cell in re.split(sign, line.strip(), maxsplit=most)]
-    return [cell.strip(' "') for cell in next(csv.reader([line], delimiter=sign), [])]

@@ -256,6 +256,8 @@ def _special(text: str) -> Iterator[Numeral]:
 def _measures(text: str) -> Iterator[Numeral]:
     """Numbers with the word that says what they measure before them, after them, or with a unit."""
     taken: list[tuple[int, int]] = []
+    if _PRINTED.search(text):  # "20 % gyroid infill, 3 perimeters": the 3 is of these
+        text = _SKIN.sub(lambda m: " " * len(m[0]), text)
     for pattern in (_BEFORE, _AFTER, _ALONE):
         at = 0
         while match := pattern.search(text, at):
@@ -314,10 +316,12 @@ def _read(match: re.Match, *, cued: bool) -> Numeral | None:
             value, note = 1e3 * value, Note("numerals.point_taken", said=said)
     if value > _MOST.get(measure, math.inf) and re.fullmatch(r"\d{1,3},\d{3}", group["low"]):
         value, note = value / 1e3, Note("numerals.comma_taken", said=said)
-    if measure == "infill" and dimension is None:
+    if measure == "void" and not (group["share"] and value < 100):
+        return None
+    if measure in ("infill", "void") and dimension is None:
         value = value / 100 if group["share"] or value > 1 else value
     elif dimension != {"thickness": "size", "nu": None}.get(measure, measure) and not (
-        dimension is None and bare and value
+        dimension is None and bare and value and not group["share"]
     ):
         reason = Note("numerals.measure", measure=measure) if dimension else Note("numerals.unit")
         return Numeral(start, end, None, Note("numerals.used_2", said=said, reason=reason))
@@ -334,6 +338,8 @@ def number(text: str) -> float:
     text = re.sub(r"['   ]", "", text).rstrip(".,")
     if re.fullmatch(r"\d{1,3}(?:,\d{3})+(?:\.\d+)?(?:e.*)?", text, re.IGNORECASE):
         text = text.replace(",", "")
+    if re.fullmatch(r"\d{1,3}(?:\.\d{3}){2,}", text):
+        text = text.replace(".", "")
     try:
         return float(text.replace(",", "."))
     except ValueError:  # "1.2.3" is no number
@@ -389,9 +395,11 @@ def _registry() -> Any:
 # What is said in numbers of a material: a value, a second matter in it, a relation.
 
 # Of a material: Young's modulus [Pa], Poisson's ratio [1], density [kg/m^3], hardness on two of
-# Shore's scales [1], filled share of a print [1], its solid skin [m], mass [kg], thickness [m] of
-# what is spoken of.
-Measure = Literal["E", "nu", "rho", "shore_a", "shore_d", "infill", "skin", "mass", "thickness"]
+# Shore's scales [1], filled share of a print [1], empty share of anything [1], solid skin [m] of a
+# print, mass [kg], thickness [m] of what is spoken of.
+Measure = Literal[
+    "E", "nu", "rho", "shore_a", "shore_d", "infill", "void", "skin", "mass", "thickness"
+]
 
 
 @dataclass(frozen=True)

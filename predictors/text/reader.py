@@ -35,9 +35,9 @@ from .lexing import (
     point_back,
     puts_hue,
     same_again,
-    without_tables,
 )
 from .materials import SHORT, ReaderLexicon, lexicon_of
+from .notation import in_sentences
 from .numerals import Blend, Comparison, Quantity, counted_by
 from .parts import known_parts, part_name_words, part_words, places
 
@@ -59,7 +59,7 @@ def parse(text: str, table: MaterialTable, names: Sequence[str] = ()) -> Sentenc
     """
     if len(text) > LONGEST:
         raise UsageError("reader.text_characters", count=len(text), longest=LONGEST)
-    lexicon, text = lexicon_of(table), without_tables(text, names)
+    lexicon, text = lexicon_of(table), in_sentences(text, names)
     lexed = lex(text, lexicon, names)
     lexed.lexemes = point_back(one_of(lone_grades(bare_numbers(lexed.lexemes))))
     lexed.lexemes = finer(same_again(lexed.lexemes, lexicon), lexicon)

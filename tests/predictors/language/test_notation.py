@@ -1,0 +1,136 @@
+"""Tables and solvers' decks: every number reaches its part, in SI."""
+
+import pytest
+from autophyx_tet.fem.table import load_table
+from autophyx_tet.predictors.text.notation import in_sentences
+from autophyx_tet.predictors.text.reader import read_sentence
+
+TABLE = load_table()
+STEEL, ALU = {"E": 2.1e11, "nu": 0.3, "rho": 7850.0}, {"E": 7e10, "nu": 0.33, "rho": 2700.0}
+
+DECKS = {
+    "abaqus": """** consistent units: N mm tonne s MPa
+*MATERIAL, NAME=PLATE
+*ELASTIC
+210000., 0.3
+*DENSITY
+7.85E-9
+*Material, name=clip
+*Density
+2.7e-09,
+*Elastic
+70000., 0.33
+""",
+    "nastran, commas": """$ plate
+MAT1,1,210000.,,.3,7.85-9
+$ clip
+MAT1,2,7.+4,,.33,2.7-9
+""",
+    "nastran, fields": """$ plate = MAT 1, clip = MAT 2
+MAT1    1       2.1+5           .3      7.85-9
+MAT1    2       7.+4            .33     2.7-9
+""",
+    "ansys": """! N-mm-t
+! mat 1 = plate, mat 2 = clip
+MP,EX,1,2.1E5
+MP,PRXY,1,0.3
+MP,DENS,1,7.85E-9
+MP,EX,2,7E4
+MP,PRXY,2,0.33
+MP,DENS,2,2.7E-9
+""",
+    "ls-dyna": """*MAT_ELASTIC_TITLE
+plate
+$ mid ro e pr
+ 1, 7.85E-06, 210., 0.3
+*MAT_ELASTIC_TITLE
+clip
+ 2, 2.7E-06, 70., 0.33
+""",
+    "code_aster": """PLATE = DEFI_MATERIAU(ELAS=_F(E=2.1e11, NU=0.3, RHO=7850.))
+clip = DEFI_MATERIAU(ELAS=_F(E=7e10, NU=0.33, RHO=2700.))
+""",
+}
+
+
+def values(text, parts):
+    """What numbers say of E, nu and rho, by part."""
+    bound = read_sentence(text, [[name] for name in parts], TABLE)
+    clauses = bound.sentence.clauses
+    return {
+        name: {n.measure: n.value for k in part.clauses for n in clauses[k].numbers}
+        for name, part in zip(parts, bound.parts, strict=True)
+    }
+
+
+@pytest.mark.parametrize("deck", DECKS)
+def test_cards_of_a_deck_are_their_parts_numbers(deck):
+    """In the units that the density tells, of whichever solver."""
+    found = values(DECKS[deck], ["Plate", "clip"])
+    assert found["Plate"] == pytest.approx(STEEL, rel=1e-9)
+    assert found["clip"] == pytest.approx(ALU, rel=1e-9)
+
+
+def test_inches_pounds_and_slinches():
+    """A density of 2.588e-4 lbf s2/in4 tells that E is in psi."""
+    text = "$ skin and rib = MAT 1\nMAT1    1       10.3+6          .33     2.588-4\n"
+    found = values(text, ["skin", "rib"])
+    assert found["skin"] == found["rib"]
+    assert found["rib"] == pytest.approx({"E": 7.1016e10, "nu": 0.33, "rho": 2765.8}, rel=1e-4)
+
+
+def test_a_title_with_a_matter_keeps_its_numbers():
+    """What is left open by the card comes from the matter; the numbers are the card's."""
+    text = "*MATERIAL, NAME=HOUSING_ALSI9CU3\n*ELASTIC\n75000., 0.33\n*DENSITY\n2.75E-9\n"
+    found = values(text, ["Housing", "lid"])
+    assert found["Housing"] == pytest.approx({"E": 7.5e10, "nu": 0.33, "rho": 2750.0}, rel=1e-9)
+
+
+def test_units_of_a_heading_go_to_every_pair():
+    """ "(GPa / kg/m3)" stands once."""
+    text = "Mat card (GPa / kg/m3): tray PP-GF30 5.4 / 1130; pin 210 / 7850; block 1.2 / 2050"
+    found = values(text, ["tray", "hinge_pin", "block"])
+    assert [found[p]["E"] for p in found] == pytest.approx([5.4e9, 2.1e11, 1.2e9])
+    assert [found[p]["rho"] for p in found] == pytest.approx([1130, 7850, 2050])
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "pièce ; matière ; E (MPa) ; masse volumique (kg/m3)\npeau ; carbone ; 58 000 ; 1 510\n"
+        "âme ; mousse ; 90 ; 80\n",
+        "Teil | Werkstoff | E-Modul [N/mm²] | Dichte [kg/dm³]\npeau | CFK | 58000 | 1,51\n"
+        "âme | Schaum | 90 | 0,08\n",
+        "componente | material | E (GPa) | densidad (g/cm3)\npeau | carbono UD | 58 | 1,51\n"
+        "âme | espuma | 0,09 | 0,08\n",
+    ],
+)
+def test_units_of_a_column_go_to_its_cells(text):
+    """In the columns' names of four languages."""
+    found = values(text, ["peau", "âme"])
+    assert (found["peau"]["E"], found["peau"]["rho"]) == pytest.approx((5.8e10, 1510))
+    assert (found["âme"]["E"], found["âme"]["rho"]) == pytest.approx((9e7, 80))
+
+
+def test_what_is_no_notation_stays():
+    """Sentences as they are."""
+    for text in ("the legs are oak, the seat is foam", "E = 70 GPa, rho 2.7 g/cm3", "$ 12 a piece"):
+        assert in_sentences(text) == text
+
+
+@pytest.mark.parametrize(
+    ("words", "measure", "value"),
+    [
+        ("85 % porosity", "void", 0.85), ("Porosität 40 %", "void", 0.4),
+        ("40 percent of it is holes", "void", 0.4), ("20 % de porosidad", "void", 0.2),
+        ("35 % open area", "void", 0.35), ("20% gyroid infill 3 perimeters", "infill", 0.2),
+        ("20% de remplissage gyroïde", "infill", 0.2), ("E = 2.100.000 kp/cm2", "E", 2.0594e11),
+        ("module 7 400 hbar", "E", 7.4e10), ("γ = 7,85 gf/cm³", "rho", 7850),
+        ("E=21000 daN/mm²", "E", 2.1e11), ("masse vol. 2,7", "rho", 2700),
+    ],
+)  # fmt: skip
+def test_a_number_is_measured(words, measure, value):
+    """By its word or its unit, old units and points between thousands too."""
+    found = values(f"bush: steel, {words}; lid: oak", ["bush", "lid"])
+    assert found["bush"][measure] == pytest.approx(value, rel=1e-4)
+    assert not found["lid"]
