@@ -124,6 +124,10 @@ CELLS = ("rigid foam", "structural foam")  # E goes with the square of rho: Gibs
 
 STRONGEST = 4e9  # Pa: a stress that metals bear at most, music wire; their E is twice that and more
 
+SOLID = ("metal", "glass-ceramic")  # a third of their density is a slip rather than cells
+
+ODD = 10.0  # how far beyond the range of a row that is named an E that is said is hardly meant
+
 BESIDE = 2.0  # how far beyond the table's range a grade of the same name may lie
 
 # What a linear isotropic solid can have at all: E [Pa], nu [1], rho [kg/m^3].
@@ -208,12 +212,15 @@ def with_numbers(
     if named and not _near(row.rho, dense):
         solid, low, high = value.rho, *row.rho
         odd = {"part": part, "text": said["rho"].text, "name": row.name, "low": low, "high": high}
-        if dense < solid and "E" not in exact:
+        if dense < solid and "E" not in exact and row.category not in SOLID:
             value, _ = of_infill(value, dense / solid)
             how.append(Note("numbers.cells", share=dense / solid, e=value.E))
             warnings.append(Note("numbers.part_porous", **odd, e=value.E))
         else:
             warnings.append(Note("numbers.part_density", **odd))
+    if named and "E" in exact and not row.E.min / ODD < exact["E"] < row.E.max * ODD:
+        odd = {"part": part, "text": said["E"].text, "name": row.name, **row.E._asdict()}
+        warnings.append(Note("numbers.part_odd", **odd))
     if exact:
         how.append(", ".join(said[name].text for name in exact) + " as said")
     value = value._replace(**exact)
@@ -270,6 +277,9 @@ def row_by_numbers(
     light = said.get("rho", math.inf) < row.rho.min / BESIDE or (stiffness or 0) > 3
     if row.name in FOAMED and "rho" in said and light:
         return table.exact(FOAMED[row.name][-1 if (stiffness or 0) > 3 else 0])
+    dense = table.phrases.get(f"{row.name.lower()}, dense")
+    if dense and dense.rho.min <= said.get("rho", 0.0) <= dense.rho.max:
+        return dense
     if "void" in said:  # "aluminium foam, 85 % porosity" is aluminium with so much air
         return table.phrases.get(_CELLULAR.sub("", row.name).lower(), row)
     if row.name.startswith("silicone rubber") and "shore_a" in said:

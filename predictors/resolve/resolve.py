@@ -367,6 +367,9 @@ def with_relations(
     named: Whether each part's material is said, or told by the asset: it then keeps its row.
     """
     out, notes, called = list(choices), [], cache(parts_called)
+    relations = [  # "heavier stuff, tungsten" is not beside another part
+        [r for r in said if r.exact or r.other or not named[i]] for i, said in enumerate(relations)
+    ]
     others = [
         [
             [k for k in (called(r.other) if r.other else range(len(out))) if k != i]

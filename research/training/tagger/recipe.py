@@ -30,6 +30,7 @@ POOL = 6000  # pairs that a worker sorts by length into batches
 PER_TEXT = 4  # parts that are asked about of one text, at most
 OF_SENTENCES = 0.7  # share of the texts that are made of marked sentences
 HEARD = ("attention.self.query", "attention.self.key", "attention.self.value")
+DROP = 0.1  # share of what a layer gives on that is left out in training, as BERT was trained
 PAD, QUESTION = -2, -1  # in place of roles
 
 
@@ -45,7 +46,7 @@ class TaggerNetwork(nn.Module):
 
     def __init__(self, weights: Mapping[str, Tensor], *, heads: int = 12, full: bool) -> None:
         super().__init__()
-        self.heads, self.full = heads, full
+        self.heads, self.full, self.drop = heads, full, DROP
         self.layers = sum(key.endswith("attention.self.query.weight") for key in weights)
         self.frozen, self.learned = nn.ParameterDict(), nn.ParameterDict()
         self.down, self.up = nn.ParameterDict(), nn.ParameterDict()
@@ -79,6 +80,9 @@ class TaggerNetwork(nn.Module):
         scale, shift = self._weight(f"{key}.weight"), self._weight(f"{key}.bias")
         return functional.layer_norm(x, x.shape[-1:], scale, shift, 1e-12)
 
+    def _dropped(self, x: Tensor) -> Tensor:
+        return functional.dropout(x, self.drop, self.training)
+
     def forward(self, batch: Batch) -> Tensor:
         """Logits of the roles of each token, (n, length, roles)."""
         tokens, seen = batch.tokens, (batch.roles != PAD)[:, None, None]
@@ -94,7 +98,7 @@ class TaggerNetwork(nn.Module):
             place = self.frozen[places]
         x = x + place[: tokens.shape[1]]
         x = x + functional.embedding((batch.roles >= 0).long(), self.learned[kinds])
-        x = self._norm("embeddings.LayerNorm", x)
+        x = self._dropped(self._norm("embeddings.LayerNorm", x))
         split = (*tokens.shape, self.heads, x.shape[-1] // self.heads)
         for layer in range(self.layers):
             at = f"encoder.layer.{layer}"
@@ -103,10 +107,11 @@ class TaggerNetwork(nn.Module):
             mixed = mixed.transpose(1, 2).reshape(x.shape)
             x = self._norm(
                 f"{at}.attention.output.LayerNorm",
-                x + self._dense(f"{at}.attention.output.dense", mixed),
+                x + self._dropped(self._dense(f"{at}.attention.output.dense", mixed)),
             )
             inner = functional.gelu(self._dense(f"{at}.intermediate.dense", x))
-            x = self._norm(f"{at}.output.LayerNorm", x + self._dense(f"{at}.output.dense", inner))
+            inner = self._dropped(self._dense(f"{at}.output.dense", inner))
+            x = self._norm(f"{at}.output.LayerNorm", x + inner)
         return self.role(x)
 
 
