@@ -249,7 +249,7 @@ def glossed(
             at, last = at + taken, "parts"
             continue
         # Its English words share its place between them
-        english_words = re.findall(r"[^\W\d_]+|\d+|[-,]", found[0])
+        english_words = re.findall(r"[^\W\d_]+|\d+|,", found[0])
         ends = np.linspace(atom.start, cut[at + taken - 1].end, len(english_words) + 1)
         new = [
             Atom(word, int(start), int(end), lexicon.model.singular(word.lower()))
