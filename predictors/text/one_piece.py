@@ -13,9 +13,11 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
+from ...fem.note import Note
 from ...fem.table import MaterialTable
 from .clauses import Bound, Clause, Subject, bind
 from .english import Lexeme, load_model
+from .english import words as lists
 from .lexing import lex
 from .materials import lexicon_of
 from .parts import known_parts, part_words, stem
@@ -27,7 +29,6 @@ _JOINED = re.compile(r"\s*(?:[,/&+]|and\b)[\s,]*(?:\w+\s+)?")  # "rail and four 
 _HERE = ("inside", "outside")  # where a part has no noun
 _VERBS = ("VB", "VBZ", "VBP", "UH")  # tags that a noun without an article may get: "runners steel"
 _NO_NOUN = ("number", "told", "size", "look", "material")
-_FOOD = ("fruit and vegetable", "hard food", "soft food")
 
 Span = tuple[int, int]
 
@@ -69,8 +70,10 @@ def nouns(lexemes: Sequence[Lexeme]) -> list[Span]:
             last = x.end
         elif x.role == "hyphen" and x.start == last:
             last = x.end
-        elif x.role == "material" and (part or x.text.lower().endswith("s")):
-            found.append((x.end - len(x.text.split()[-1]), x.end))  # "soil", "nylon strings"
+        elif x.role == "material":
+            word = x.text.split()[-1]
+            if part or not (word.isupper() or stem(word) == word.lower()):
+                found.append((x.end - len(word), x.end))  # "soil", "nylon strings"
     return found
 
 
@@ -94,6 +97,8 @@ def of_one_piece(bound: Bound, labels: Sequence[Sequence[str]], table: MaterialT
     table: Whose rows are materials.
     """
     text, lexicon = bound.sentence.text, lexicon_of(table)
+    notes = [note for note in bound.sentence.notes if isinstance(note, Note)]
+    language = next((n.values["language"] for n in notes if n.kind == "lexing.read_as"), "")
     lexemes = lex(text, lexicon, ()).lexemes
     matters, things = [(x.start, x.end) for x in lexemes if x.role == "material"], nouns(lexemes)
     if len(matters) < 2 or len(things) < 2:
@@ -125,7 +130,12 @@ def of_one_piece(bound: Bound, labels: Sequence[Sequence[str]], table: MaterialT
             return False  # "a lamp of the wall"
         behind = re.match(r" (\w+)", text[here[1] :])
         row = table.exact(clause.material) if clause.material else None
-        if row and row.category in _FOOD and behind and stem(behind[1]) in part_words()["objects"]:
+        if (
+            row
+            and row.category in lists()["purposes"]["categories"]
+            and behind
+            and stem(behind[1]) in part_words()["objects"]
+        ):
             return False  # "a fruit bowl"
         if any(_over(c.matter, here) for c in claims) or clause.subject.scope == "rest":
             return True
@@ -175,7 +185,7 @@ def of_one_piece(bound: Bound, labels: Sequence[Sequence[str]], table: MaterialT
         same = [c for c in unheard if _over(c.matter, first.matter)]
         unheard = [c for c in unheard if c not in same]
         words = text[slice(*first.matter)]
-        read = parse(f"the part is {words}", table).clauses
+        read = parse(lists()["alone"][language].format(part="part", words=words), table).clauses
         new = next((c for c in read if c.material or c.coating), None)
         if new:
             clauses = [c for c in clauses if c.material or not _over(place(c), first.matter)]
