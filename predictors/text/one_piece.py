@@ -25,7 +25,7 @@ from .reader import parse
 from .tagger import load_tagger
 
 NEAR = 0.1  # of certainty: of nouns that are as sure the nearest has the matter
-_JOINED = re.compile(r"\s*(?:[,/&+]|and\b)[\s,]*(?:\w+\s+)?")  # "rail and four blades"
+_JOINED = re.compile(r"\s*(?:[,/+]\s*|,?\s*(?:&|and\b)\s*(?:\w+\s+)?)")  # "rail and four blades"
 _HERE = ("inside", "outside")  # where a part has no noun
 _VERBS = ("VB", "VBZ", "VBP", "UH")  # tags that a noun without an article may get: "runners steel"
 _NO_NOUN = ("number", "told", "size", "look", "material")
@@ -82,7 +82,9 @@ def owners(claims: Sequence[Claim], text: str) -> list[Span]:
     claims = [c for c in claims if not c.own] or claims
     least = max(c.certainty for c in claims) - NEAR
     out = [min((c for c in claims if c.certainty >= least), key=lambda c: c.gap).noun]
-    for noun in sorted((c.noun for c in claims), key=lambda noun: abs(noun[0] - out[0][0])):
+    for noun in sorted(
+        (c.noun for c in claims if c.certainty >= least), key=lambda noun: abs(noun[0] - out[0][0])
+    ):
         sides = [sorted((noun, other)) for other in (out[0], out[-1])]
         if noun not in out and any(_JOINED.fullmatch(text[a[1] : b[0]]) for a, b in sides):
             out = sorted((*out, noun))
@@ -178,6 +180,10 @@ def of_one_piece(bound: Bound, labels: Sequence[Sequence[str]], table: MaterialT
             known = heads & (behind | {n[-1] for n in new.names}) or all(c.own for c in mine)
             if clause.subject.scope != "rest" and not (names and known):
                 clause = replace(clause, subject=new)
+            elif len(names) > 1:  # "a box, its lid of brass"
+                claimed = behind | {n[-1] for n in map(name, (c.noun for c in mine)) if n}
+                kept = tuple(n for n in names if n[-1] in claimed) or names
+                clause = replace(clause, subject=replace(clause.subject, names=kept))
         clauses.append(clause)
     unheard = [c for c in claims if not any(_over(c.matter, span) for span in heard)]
     while unheard:
