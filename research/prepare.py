@@ -120,7 +120,7 @@ def build_regions(
     from ..fem.table import load_table
     from ..predictors.regions.network import kind_index
     from .datasets import region_sets as sets_of
-    from .datasets.natural import PARTS, Natural, naturals, one_pieces
+    from .datasets.natural import PARTS, Natural, as_heard, naturals, one_pieces
     from .datasets.parts import part_kinds
     from .on_device import minilm
 
@@ -130,13 +130,20 @@ def build_regions(
     hands, parts = naturals(sweethome3d.TRAINING), naturals(sweethome3d.TRAINING, PARTS)
     pieces = dict(one_pieces([*hands, *parts], objects))
 
-    def heard(name: str, each: Sequence[Natural]) -> list[sets_of.Sentence]:
-        return [sets_of.Sentence(one.clauses, one.unsaid) for one in each if one.key == name]
+    def meant(name: str, each: Sequence[Natural]) -> list[sets_of.Sentence]:
+        return [
+            sets_of.Sentence(one.clauses, one.unsaid, anew=True) for one in each if one.key == name
+        ]
 
-    said = {name: heard(name, hands) for name in pieces}
+    # As the product hears the hands, and as they meant it
+    said = {name: meant(name, hands) for name in pieces}
+    for one in hands:
+        clauses = as_heard(one, table) if one.key in said else ()
+        if len(clauses) > 1:
+            said[one.key].append(sets_of.Sentence(clauses, one.unsaid))
     for one in parts:
         if one.key in said:
-            anew = sets_of.said_anew(heard(one.key, [*hands, *parts]), one.clauses, ANEW, rng)
+            anew = sets_of.said_anew(meant(one.key, [*hands, *parts]), one.clauses, ANEW, rng)
             said[one.key] += anew
     looks, sets = sets_of.looks_of(pieces.values()), []
     for name, piece in pieces.items():

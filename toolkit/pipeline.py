@@ -274,6 +274,7 @@ def _read(
     """What a text says of the regions of a mesh, read here, once; and the materials it may name."""
     from ..predictors.regions.division import region_numbers
     from ..predictors.text.judge import with_second_opinion
+    from ..predictors.text.one_piece import of_one_piece
     from ..predictors.text.reader import read_sentence
 
     table = with_own_rows(options.table) if options.table else load_table()
@@ -283,7 +284,8 @@ def _read(
         # The regions of one thing are called by numbers, and told apart by a network of their own
         if region_numbers([own[0] for own in labels]):
             return bound, table
-        return with_second_opinion(bound, labels, table), table
+        second = with_second_opinion if len(labels) > 1 else of_one_piece
+        return second(bound, labels, table), table
     from ..predictors.text.clauses import bind
     from ..predictors.text.interpreter import ChatEndpoint, interpret
 

@@ -17,6 +17,12 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Int
 
+from ...fem.table import MaterialTable
+from ...predictors.regions.division import said_by
+from ...predictors.regions.pieces import of_matters
+from ...predictors.text.one_piece import of_one_piece
+from ...predictors.text.parts import name_words
+from ...predictors.text.reader import read_sentence
 from . import sweethome3d
 from .one_piece import OnePiece
 
@@ -74,6 +80,28 @@ def naturals(
                     )
                 )  # fmt: skip
     return found
+
+
+def as_heard(natural: Natural, table: MaterialTable) -> tuple[Meant, ...]:
+    """The clauses that the product hears of a sentence, and the slots that they mean.
+
+    A clause means the slots of the one on record that it has the matter and words of, of none where
+    it shares nothing with any.
+    """
+    labels = (("object",),)
+    sentence = of_one_piece(read_sentence(natural.text, labels, table), labels, table).sentence
+    heard = []
+    for k in of_matters(sentence):
+        said, text = said_by(sentence.clauses[k], sentence), sentence.clauses[k].text
+        nouns, matters = {*name_words(said.part)}, {*name_words(f"{said.material} {text}")}
+
+        def alike(meant: Meant, nouns: set[str] = nouns, matters: set[str] = matters) -> int:
+            matter = len(matters & {*name_words(meant.material)}) or not meant.material
+            return bool(matter) * (1 + 2 * len(nouns & {*name_words(meant.part)}))
+
+        best = max(natural.clauses, key=alike)
+        heard.append(Meant(said.part, said.material, best.slots if alike(best) else ()))
+    return tuple(heard)
 
 
 def one_pieces(

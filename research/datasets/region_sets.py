@@ -338,7 +338,7 @@ class RegionCorpus:
 def row_of(material: str, table: MaterialTable) -> str:
     """Name of the row that the reader hears in a material's words, "" for none."""
     said = parse(f"the part is {material}", table).clauses
-    named = next((clause.material for clause in said if clause.material), None)
+    named = next((c.material or c.coating for c in said if c.material or c.coating), None)
     return table.exact(named).name if named else ""
 
 

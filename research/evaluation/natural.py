@@ -23,6 +23,7 @@ from ...predictors.film.predictor import FilmPredictor
 from ...predictors.grid import Grid, PartVoxels
 from ...predictors.prediction import Prediction
 from ...predictors.regions.division import cut
+from ...predictors.text.one_piece import of_one_piece
 from ...predictors.text.reader import read_sentence
 from ..datasets.natural import Natural
 from ..datasets.one_piece import OnePiece
@@ -90,7 +91,8 @@ def score(
     right: dict[str, float] = {}
     parts, seen = as_seen(piece)
     colours = as_seen(piece, scan=True)[1]
-    bound = read_sentence(natural.text, parts.part_labels, table)
+    labels = parts.part_labels
+    bound = of_one_piece(read_sentence(natural.text, labels, table), labels, table)
     known: dict[str, Any] = {"predictor": "film", "table": table}
 
     def assigned(shown: Appearance, **given: Any) -> Prediction:

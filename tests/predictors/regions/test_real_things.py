@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from autophyx_tet.fem.table import load_table
 from autophyx_tet.predictors.assign import predict_materials
+from autophyx_tet.predictors.text.one_piece import of_one_piece
 from autophyx_tet.predictors.text.reader import read_sentence
 from autophyx_tet.research.datasets.natural import naturals, one_pieces
 from autophyx_tet.research.datasets.region_sets import row_of
@@ -31,7 +32,8 @@ def shares_of(natural, piece, table, word):
         if re.search(rf"\b({word})s?\b", each.part.lower())
     )  # fmt: skip
     parts, seen = as_seen(piece)
-    bound = read_sentence(natural.text, parts.part_labels, table)
+    labels = parts.part_labels
+    bound = of_one_piece(read_sentence(natural.text, labels, table), labels, table)
     heard = {table.exact(c.material).name for c in bound.sentence.clauses if c.material}
     rows = [row_of(each.material, table) for each in natural.clauses]
     if not {*filter(None, rows)} <= heard or rows.count(rows[number]) > 1:

@@ -1,0 +1,108 @@
+"""What a text says of a thing in one piece: the matter of each of its nouns, and no other."""
+
+from __future__ import annotations
+
+from itertools import product
+
+import pytest
+from autophyx_tet.fem.table import load_table
+from autophyx_tet.predictors.text.clauses import Clause
+from autophyx_tet.predictors.text.one_piece import of_one_piece
+from autophyx_tet.predictors.text.reader import read_sentence
+
+LABELS = (("object",),)
+
+
+def said(text: str) -> list[Clause]:
+    table = load_table()
+    bound = of_one_piece(read_sentence(text, LABELS, table), LABELS, table)
+    return [clause for clause in bound.sentence.clauses if clause.says_matter]
+
+
+def rows(text: str) -> list[tuple[set[str], str | None]]:
+    """Heads of the parts, and the row, of each clause."""
+    return [({name[-1] for name in c.subject.names}, c.material) for c in said(text)]
+
+
+def row(word: str) -> str:
+    return load_table().exact(word).name
+
+
+FORMS = (
+    "An old {thing} standing on {b} {q}, its {p} made of {a}.",
+    "{thing}: {p} {a}; {q} {b}",
+    "{thing} for sale, {a} {p} resting upon {b} {q}",
+    "The {p} in {a}, the {q} in {b}: a {thing} for the porch.",
+)
+THINGS = (
+    ("lectern", "slope", "walnut", "castors", "nylon"),
+    ("birdbath", "basin", "granite", "pedestal", "concrete"),
+    ("toboggan", "seat", "felt", "runners", "steel"),
+    ("sundial", "plate", "brass", "column", "marble"),
+)
+
+
+@pytest.mark.parametrize(("form", "words"), [*product(FORMS, THINGS)])
+def test_each_noun_has_its_matter(form, words):
+    thing, p, a, q, b = words
+    heard = rows(form.format(thing=thing, p=p, a=a, q=q, b=b))
+    stem = {"castors": "castor", "runners": "runner"}.get(q, q)
+    assert {material for _, material in heard} == {row(a), row(b)}
+    assert any(p in heads and material == row(a) for heads, material in heard)
+    assert any(stem in heads and material == row(b) for heads, material in heard)
+
+
+@pytest.mark.parametrize("thing", ["fruit bowl", "bread basket", "egg cup", "cheese plate"])
+def test_what_a_thing_is_for_is_no_matter_of_it(thing):
+    heard = rows(f"A {thing} with a copper rim and an oak foot.")
+    assert {material for _, material in heard} == {row("copper"), row("oak")}
+
+
+@pytest.mark.parametrize("place", ["ceiling", "harbour", "concert", "chapel"])
+def test_a_word_that_the_dictionary_has_is_no_unknown_matter(place):
+    heard = rows(f"Lamp of {place}, the shade is linen, the stem is brass.")
+    assert [material for _, material in heard] == [row("linen"), row("brass")]
+
+
+@pytest.mark.parametrize(
+    ("word", "matter"), [("upholstery", "leather"), ("padding", "wool"), ("canopy", "nylon")]
+)
+def test_a_word_for_a_matter_may_be_a_part_of_another(word, matter):
+    heard = rows(f"A pram with {word} in {matter} and a chassis of aluminium.")
+    assert {material for _, material in heard} == {row(matter), row("aluminium")}
+
+
+@pytest.mark.parametrize("way", ["wrapped in", "covered in", "clad in"])
+def test_a_coat_is_what_one_sees(way):
+    heard = rows(f"A drum whose shell is {way} leather, with hoops of brass.")
+    assert {material for _, material in heard} == {row("leather"), row("brass")}
+
+
+def test_joined_nouns_have_one_matter():
+    heard = rows("Lid, spout and handle in pewter, a body of porcelain.")
+    assert ({"lid", "spout", "handle"}, row("pewter")) in heard
+
+
+def test_a_matter_that_the_grammar_gave_to_another_is_of_its_noun():
+    heard = rows(
+        "a buoy with a hull in fibreglass over a keel of lead, hanging from a chain of steel"
+    )
+    assert ({"chain"}, row("steel")) in heard
+
+
+def test_one_matter_is_read_as_before():
+    table = load_table()
+    bound = read_sentence("A duck made of rubber.", LABELS, table)
+    assert of_one_piece(bound, LABELS, table) is bound
+
+
+def test_numbers_of_a_part_stay():
+    heard = said("A clamp: jaws of brass, the screw of steel with E = 190 GPa, pads 3 mm thick.")
+    assert {n.value for clause in heard for n in clause.numbers} == {190e9}
+    assert {clause.material for clause in heard} == {row("brass"), row("steel")}
+
+
+def test_what_it_is_not_stays():
+    heard = said("A barrow, no plastic: a tub of zinc, shafts of ash.")
+    assert any(clause.excluded for clause in heard)
+    assert {row("zinc"), row("ash")} <= {clause.material for clause in heard}
