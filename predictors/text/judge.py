@@ -157,7 +157,8 @@ def readings_of(
     meant = load_phrases().meant(phrase) if phrase else None
     row = table.phrases.get(meant.row.lower()) if meant else None
     plain = not {"relation", "alternative"} & {role for role, *_ in said.words}
-    if row and plain:
+    others_say = {c.material for r in readings for c in r.clauses}
+    if row and plain and row.name not in others_say:
         numbers = next((c.numbers for c in read or own if c.numbers), ()) if read or known else ()
         clause = Clause(phrase, (0, 0), Subject("none"), row.name, phrase, numbers=numbers)
         readings.append(Reading("phrase", (clause,)))

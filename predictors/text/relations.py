@@ -11,9 +11,9 @@ import tomllib
 from collections.abc import Sequence
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
-from .languages import glossed
+from .languages import bare, languages
 from .materials import ReaderLexicon, atoms
 from .numerals import Comparison, number
 from .parts import parts_called
@@ -50,9 +50,12 @@ def relation_of(
     """
     data, low = _data(), said.lower()
     tokens = re.findall(r"[^\W\d_]+", low)
-    begun = {m: next((w for w in tokens for b in data["measured"][m] if w.startswith(b)), "")
-             for m in ("E", "rho")}  # fmt: skip
-    measure = next((m for m, word in begun.items() if word), None)
+    measures: tuple[Literal["E", "rho"], ...] = ("E", "rho")
+    begun = {
+        m: next((w for w in tokens for b in data["measured"][m] if w.startswith(b)), "")
+        for m in measures
+    }
+    measure = next((m for m in measures if begun[m]), None)
     found = _named(said, own, labels, lexicon)
     if measure is None:
         same = not {*tokens}.isdisjoint(data["same"]["words"]) or found is not None
@@ -100,13 +103,17 @@ def _named(
 ) -> int | None:
     """Index of the part that words name, the longest name first."""
     known = {word for names in labels for word in re.findall(r"[^\W\d_]+|\d+", names[0].lower())}
-    cut = atoms(said, lexicon.model, known)
-    read = glossed(cut, lexicon, known)
-    for found in (cut, read.atoms if read else []):
-        words = [a.stem for a in found if len(a.stem) > 1 or a.text.isupper() or a.text.isdigit()]
-        for size in range(_LONGEST, 0, -1):
-            for at in range(len(words) - size + 1):
-                called = [i for i in parts_called(tuple(words[at : at + size]), labels) if i != own]
-                if called:
-                    return called[0]
-    return None
+    cut = [
+        a for a in atoms(said, lexicon.model, known)
+        if len(a.stem) > 1 or a.text.isupper() or a.text.isdigit()
+    ]  # fmt: skip
+    phrases = [
+        tuple(a.stem for a in cut[at : at + size])
+        for size in range(_LONGEST, 0, -1) for at in range(len(cut) - size + 1)
+    ]  # fmt: skip
+    phrases += [  # "la plaque" of a part "plate"
+        (english,) for a in cut for language in languages()
+        for english in language.names(bare(a.text)) if english
+    ]  # fmt: skip
+    found = (i for words in phrases for i in parts_called(words, labels) if i != own)
+    return next(found, None)

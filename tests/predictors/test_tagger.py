@@ -128,44 +128,6 @@ def test_what_stands_far_away_in_a_long_text_changes_nothing():
     )
 
 
-def test_the_second_opinion_fills_what_the_grammar_leaves_and_keeps_the_rest():
-    from autophyx_tet.fem.table import load_table
-    from autophyx_tet.predictors.text.clauses import Bound, BoundPart
-    from autophyx_tet.predictors.text.reader import read_sentence
-    from autophyx_tet.predictors.text.tagger import with_second_opinion
-
-    labels, table = [("seat",), ("leg_1",), ("back",)], load_table()
-    whole = read_sentence(TEXT, labels, table)
-    half = Bound(whole.sentence, (BoundPart(), *whole.parts[1:]), ())
-    found = with_second_opinion(half, labels, table)
-    rows = [{found.sentence.clauses[k].material for k in part.clauses} for part in found.parts]
-    assert rows == [{table.phrases[p].name} for p in ("soft foam", "oak", "steel")]
-    assert with_second_opinion(whole, labels, table) == whole
-
-
-def test_a_reading_of_other_values_that_is_not_sure_is_a_doubt(monkeypatch):
-    from autophyx_tet.fem.table import load_table
-    from autophyx_tet.predictors.text import tagger
-    from autophyx_tet.predictors.text.reader import read_sentence
-
-    labels, table = [("seat",), ("leg",)], load_table()
-    text = "the seat is oak, the leg is steel; brass"
-    words = (tagger.Words("matter", text.index("brass"), len(text)),)
-
-    def told(certainty):
-        said = [tagger.Said(words, certainty), tagger.Said((), 1.0)]
-        fixed = type("Fixed", (), {"said": lambda *_: said})()
-        monkeypatch.setattr(tagger, "load_tagger", lambda: fixed)
-        found = tagger.with_second_opinion(read_sentence(text, labels, table), labels, table)
-        (seat,) = (found.sentence.clauses[k] for k in found.parts[0].clauses)
-        return seat.material, [note.kind for note in seat.doubts]
-
-    oak = table.phrases["oak"].name
-    assert told(0.5 * (tagger.TOLD + tagger.AGAINST)) == (oak, ["tagger.differs"])
-    assert told(0.5 * (tagger.AGAINST + tagger.SURE)) == ("brass", ["tagger.likely"])
-    assert told(0.99 * tagger.TOLD) == (oak, [])
-
-
 def test_sentences_of_the_sets_are_templates_whose_marks_move_with_their_words():
     import random
 

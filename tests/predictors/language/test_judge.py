@@ -1,0 +1,80 @@
+"""The judge: the likeliest reading of a part is taken, and an unlikely one is a doubt."""
+
+import pytest
+from autophyx_tet.fem.table import load_table
+from autophyx_tet.predictors.text import judge
+from autophyx_tet.predictors.text.clauses import Bound, BoundPart
+from autophyx_tet.predictors.text.reader import read_sentence
+from autophyx_tet.predictors.text.tagger import Said, Words
+
+TABLE = load_table()
+TEXT = "the legs are oak, the seat is soft foam; everything else is steel"
+LABELS = [("seat",), ("leg_1",), ("back",)]
+OAK, FOAM, STEEL = (TABLE.phrases[p].name for p in ("oak", "soft foam", "steel"))
+
+
+def rows(bound):
+    """Rows that the clauses of each part name."""
+    return [{bound.sentence.clauses[k].material for k in part.clauses} for part in bound.parts]
+
+
+def test_the_second_opinion_fills_what_the_grammar_leaves_and_keeps_the_rest():
+    whole = read_sentence(TEXT, LABELS, TABLE)
+    half = Bound(whole.sentence, (BoundPart(), *whole.parts[1:]), ())
+    assert rows(judge.with_second_opinion(half, LABELS, TABLE)) == [{FOAM}, {OAK}, {STEEL}]
+    assert judge.with_second_opinion(whole, LABELS, TABLE) == whole
+
+
+@pytest.mark.parametrize(
+    ("chances", "row", "doubted"),
+    [
+        ({"grammar": 0.99, "words": 0.2}, OAK, False),
+        ({"grammar": 0.5, "words": 0.3}, OAK, True),
+        ({"grammar": 0.2, "words": 0.9}, "brass", False),
+        ({"grammar": 0.2, "words": 0.5}, "brass", True),
+    ],
+)
+def test_the_likeliest_reading_is_taken_and_an_unlikely_one_is_a_doubt(
+    monkeypatch, chances, row, doubted
+):
+    text = "the seat is oak, the leg is steel; brass"
+    words = (Words("matter", text.index("brass"), len(text)),)
+    tagger = type("Fixed", (), {"said": lambda *_: [Said(words, 0.9), Said((), 1.0)]})()
+    monkeypatch.setattr(judge, "load_tagger", lambda: tagger)
+    fixed = type(
+        "Judge", (), {"doubted": 0.7, "plain": 1.0, "chance": lambda _, r, __: chances.get(r, 0.0)}
+    )()
+    monkeypatch.setattr(judge, "load_judge", lambda: fixed)
+    labels = [("seat",), ("leg",)]
+    found = judge.with_second_opinion(read_sentence(text, labels, TABLE), labels, TABLE)
+    assert rows(found)[0] == {row}
+    (seat,) = (found.sentence.clauses[k] for k in found.parts[0].clauses)
+    assert bool(seat.doubts) == doubted
+
+
+@pytest.mark.parametrize(
+    ("text", "parts", "factor"),
+    [
+        ("Bracket DC04. The dummy has ten times the stiffness of it.", "bracket dummy", 10),
+        ("Klotz unten POM, der obere doppelt so steif wie der untere", "Klotz_unten Klotz_oben", 2),
+        ("la plaque est en acier, la nervure deux fois moins raide", "plaque nervure", 0.5),
+    ],
+)  # fmt: skip
+def test_a_relation_that_the_tagger_finds_is_read_by_its_words(text, parts, factor):
+    """In German and French as in English."""
+    labels = [[name] for name in parts.split()]
+    bound = judge.with_second_opinion(read_sentence(text, labels, TABLE), labels, TABLE)
+    relations = [r for k in bound.parts[1].clauses for r in bound.sentence.clauses[k].comparisons]
+    assert [(r.measure, r.factor) for r in relations] == [("E", factor)]
+
+
+def test_weights_are_of_facts_that_there_are():
+    """None of a fact that was renamed; every reader has some."""
+    bound = read_sentence(TEXT, LABELS, TABLE)
+    said = judge.load_tagger().said([own[0] for own in LABELS], TEXT)
+    _, facts = judge.readings_of(0, bound, said, LABELS, TABLE)
+    weights = judge.load_judge().weights
+    assert {*weights} == {*judge.READERS}
+    for own in weights.values():
+        assert own
+        assert {*own} <= {*facts}
