@@ -132,7 +132,7 @@ def main() -> None:
     parser.add_argument("--sets", nargs="+", choices=SETS, default=SETS[-6:])
     parser.add_argument("-o", "--output", type=Path, default=judge.WEIGHTS)
     parser.add_argument("--doubted", type=float, default=0.7)
-    parser.add_argument("--plain", type=float, default=0.95)
+    parser.add_argument("--plain", type=float, default=0.85)
     parser.add_argument("--parts", type=Path, help="keep, or take, the parts' facts in this file")
     parser.add_argument("--folds", type=int, default=10)
     options, others = parser.parse_known_args()

@@ -30,6 +30,8 @@ from .tagger import MANY, Said, load_tagger, shown_name
 
 WEIGHTS = Path(__file__).parents[1] / "weights" / "judge.json"
 READERS = ("grammar", "words", "phrase")
+MANY_ROWS = 0.1  # of chance: what a grammar's reading of two matters must be the likelier by
+ASIDE = 0.9  # certainty of the tagger that words are no matter of any part
 _BESIDE = {"reader.beside_idle", "reader.beside_left"}  # words that say nothing of a matter
 _DECIDING = ("matter", "number", "relation", "content")
 
@@ -81,7 +83,9 @@ def with_second_opinion(
     for i, said in enumerate(every):
         readings, facts = readings_of(i, bound, every, labels, table)
         chances = {r.reader: judge.chance(r.reader, facts) for r in readings}
-        best = max(readings, key=lambda r: chances[r.reader])
+        # Of a part that the grammar gives two matters the tagger's one
+        torn = MANY_ROWS * (facts["grammar rows"] > 0)
+        best = max(readings, key=lambda r: chances[r.reader] - torn * (r.reader == "grammar"))
         chance = chances[best.reader]
         if best.reader == "grammar":
             doubts = () if chance > judge.doubted else _doubts_of(best, readings, text, said)
@@ -110,7 +114,7 @@ def with_second_opinion(
         clauses += [replace(c, doubts=(*c.doubts, *again)) for c in found]
         parts[i] = BoundPart(tuple(new), ("name",) * len(new))
         taken += spans
-    return _without_idle(bound, clauses, parts, taken)
+    return _without_idle(bound, clauses, parts, taken, every)
 
 
 def readings_of(
@@ -288,8 +292,20 @@ def _without_idle(
     clauses: Sequence[Clause],
     parts: Sequence[BoundPart],
     taken: Sequence[tuple[int, int]],
+    every: Sequence[Said],
 ) -> Bound:
-    """The sentence without what spoke of no part, or no longer does, and was read anew."""
+    """The sentence without what spoke of no part, or no longer does, and was read anew.
+
+    Nor what the tagger is sure to be no matter of any part: a crate, a tolerance.
+    """
+    text = bound.sentence.text
+    least = min(said.certainty for said in every)
+    heard = [(w.start, w.end) for said in every for w in said.words]
+
+    def is_aside(start: int, end: int) -> bool:
+        """Whether the tagger surely has these words for no part."""
+        return least > ASIDE and not any(a < end and start < b for a, b in heard)
+
     used = {k for part in parts for k in part.clauses}
 
     def is_anew(k: int) -> bool:
@@ -298,14 +314,22 @@ def _without_idle(
 
     stale = {k for k in range(len(clauses)) if k not in used and is_anew(k)}
     place = {k: n for n, k in enumerate(k for k in range(len(clauses)) if k not in stale)}
-    said = " ".join(bound.sentence.text[start:end] for start, end in taken)
+    said = " ".join(text[start:end] for start, end in taken)
+    aside = {k for k in bound.unbound if is_aside(*clauses[k].span)}
     sentence = replace(
         bound.sentence,
         clauses=tuple(clauses[k] for k in place),
-        unread=tuple(word for word in bound.sentence.unread if word not in said),
+        unread=tuple(
+            word
+            for word in bound.sentence.unread
+            if word not in said and not is_aside((at := max(text.find(word), 0)), at + len(word))
+        ),
     )
     renamed = (part._replace(clauses=tuple(place[k] for k in part.clauses)) for part in parts)
-    parts, unbound = tuple(renamed), (place[k] for k in bound.unbound if k in place)
+    parts, unbound = (
+        tuple(renamed),
+        (place[k] for k in bound.unbound if k in place and k not in aside),
+    )
     mute = (i for i in bound.mute if {*parts[i].how} <= {*GENERAL})
     return Bound(sentence, parts, tuple(unbound), tuple(mute))
 

@@ -198,7 +198,8 @@ def numerals(text: str) -> list[Numeral]:
     found: list[Numeral] = []
     text, starts = in_digits(text)
     if _EUROPEAN.search(text):  # a comma before decimals: a point before three digits is none
-        text = re.sub(r"(?<![\d.,])(\d{1,3})\.(?=\d{3}(?!\d))", r"\1,", text)
+        grouped = r"(?<![\d.,])\d{1,3}(?:\.\d{3})+(?!\d)"
+        text = re.sub(grouped, lambda m: m[0].replace(".", ","), text)
     for finder in (_special, _measures):
         for numeral in finder(text):
             if all(numeral.end <= f.start or f.end <= numeral.start for f in found):

@@ -148,7 +148,7 @@ def of_one_piece(bound: Bound, labels: Sequence[Sequence[str]], table: MaterialT
         of_other = any({*name(c.noun)[-1:]} & heads or _over(c.noun, here) for c in claims)
         return row is not None and not of_other
 
-    claims = asked(things, "matter", "number")
+    claims = asked(things, "matter", "number", "coating")
     spoken = [(clause, place(clause)) for clause in bound.sentence.clauses]
     stray = [(max(text.rfind(" ", *here) + 1, here[0]), here[1]) for c, here in spoken if c.phrase]
     taken = [*things, *(c.matter for c in claims)]

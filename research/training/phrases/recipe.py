@@ -38,7 +38,7 @@ NO_ROW = ""
 OWN = 0.8  # of the target: the row itself; the rest is for rows that weigh and bend alike
 WIDTHS = np.array([0.15, 0.04])  # of that, in ln E and ln rho
 FAMILY = 12, 60, 8  # designations of a pattern: fewest, most, and one more for so many signs
-RATE, BATCH, STEPS = 4e-3, 256, 2500
+RATE, BATCH, STEPS = 4e-3, 256, 4000
 
 
 class Phrase(NamedTuple):

@@ -125,6 +125,7 @@ def test_what_is_no_notation_stays():
         ("40 percent of it is holes", "void", 0.4), ("20 % de porosidad", "void", 0.2),
         ("35 % open area", "void", 0.35), ("20% gyroid infill 3 perimeters", "infill", 0.2),
         ("20% de remplissage gyroïde", "infill", 0.2), ("E = 2.100.000 kp/cm2", "E", 2.0594e11),
+        ("7,85 t/m3, E = 2.100.000 kp/cm2", "E", 2.0594e11),
         ("module 7 400 hbar", "E", 7.4e10), ("γ = 7,85 gf/cm³", "rho", 7850),
         ("E=21000 daN/mm²", "E", 2.1e11), ("masse vol. 2,7", "rho", 2700),
     ],
