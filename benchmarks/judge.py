@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from autophyx_tet.predictors.text import judge
+from autophyx_tet.predictors.text import tagger as judge
 from scipy.optimize import minimize
 from sentences import SETS, _read, assigned, is_right
 
@@ -130,7 +130,7 @@ def main() -> None:
     """Fit and write; print what folds say."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0], allow_abbrev=False)
     parser.add_argument("--sets", nargs="+", choices=SETS, default=SETS[-6:])
-    parser.add_argument("-o", "--output", type=Path, default=judge.WEIGHTS)
+    parser.add_argument("-o", "--output", type=Path, default=judge.JUDGE)
     parser.add_argument("--doubted", type=float, default=0.7)
     parser.add_argument("--plain", type=float, default=0.85)
     parser.add_argument("--parts", type=Path, help="keep, or take, the parts' facts in this file")

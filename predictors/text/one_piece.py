@@ -145,7 +145,11 @@ def of_one_piece(bound: Bound, labels: Sequence[Sequence[str]], table: MaterialT
         numbers = any(n.measure not in ("mass", "thickness") for n in clause.numbers)
         if numbers or clause.comparisons or clause.excluded:
             return True
-        of_other = any({*name(c.noun)[-1:]} & heads or _over(c.noun, here) for c in claims)
+        of_other = any(  # "soft leaves" are leaves all the same
+            any(_over(c.matter, x) for x in matters)
+            and ({*name(c.noun)[-1:]} & heads or _over(c.noun, here))
+            for c in claims
+        )
         return row is not None and not of_other
 
     claims = asked(things, "matter", "number", "coating")

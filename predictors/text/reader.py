@@ -27,6 +27,7 @@ from .lexing import (
     Lexeme,
     bare_numbers,
     finer,
+    in_sentences,
     is_hue,
     join_comparisons,
     lex,
@@ -37,7 +38,6 @@ from .lexing import (
     same_again,
 )
 from .materials import SHORT, ReaderLexicon, lexicon_of
-from .notation import in_sentences
 from .numerals import Blend, Comparison, Quantity, counted_by
 from .parts import known_parts, part_name_words, part_words, places
 

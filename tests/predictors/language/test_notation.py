@@ -2,7 +2,7 @@
 
 import pytest
 from autophyx_tet.fem.table import load_table
-from autophyx_tet.predictors.text.notation import in_sentences
+from autophyx_tet.predictors.text.lexing import in_sentences
 from autophyx_tet.predictors.text.reader import read_sentence
 
 TABLE = load_table()

@@ -106,3 +106,9 @@ def test_what_it_is_not_stays():
     heard = said("A barrow, no plastic: a tub of zinc, shafts of ash.")
     assert any(clause.excluded for clause in heard)
     assert {row("zinc"), row("ash")} <= {clause.material for clause in heard}
+
+
+def test_what_is_soft_is_a_matter_all_the_same():
+    """An adjective that the tagger takes for the matter of a noun that is one."""
+    heard = rows("ceramic pot, oak trunk, soft leaves")
+    assert {material for _, material in heard} == {row("ceramic"), row("oak"), row("leaves")}
