@@ -28,7 +28,7 @@ PLATE, PAD = 1, 2
         ("deux fois plus rigide (module) que la plaque", PLATE, "E", 2),
         ("trois fois moins raide que la plaque", PLATE, "E", 1 / 3),
         ("aussi rigide que la plaque", PLATE, "E", 1),
-        ("el doble de rígido que la placa", PLATE, "E", 2),
+        ("dos veces más rígido que la placa", PLATE, "E", 2),
         ("la mitad de rígido que la placa", PLATE, "E", 0.5),
         ("tres veces el módulo de la placa", PLATE, "E", 3),
     ],
