@@ -289,7 +289,7 @@ def with_second_opinion(
         readings, facts = readings_of(i, bound, every, labels, table)
         chances = {r.reader: judge.chance(r.reader, facts) for r in readings}
         # Of a part that the grammar gives two matters the tagger's one
-        torn = MANY_ROWS * (facts["grammar rows"] > 0)
+        torn = MANY_ROWS * (facts["grammar_rows"] > 0)
         best = max(readings, key=lambda r: chances[r.reader] - torn * (r.reader == "grammar"))
         chance = chances[best.reader]
         if best.reader == "grammar":
@@ -313,6 +313,9 @@ def with_second_opinion(
         ]
         if chance <= judge.doubted:
             found = [_guessed(c, best.reader) for c in found]
+        elif facts["of_another"] and not facts["grammar"]:
+            note = Note("tagger.of_another", words=text[slice(*whole)])
+            found = [replace(c, doubts=(*c.doubts, note)) for c in found]
         again = [d for k in parts[i].clauses for d in clauses[k].doubts]
         again = [d for d in again if _kind(d) == "reader.again"]
         new = range(len(clauses), len(clauses) + len(found))
@@ -399,48 +402,48 @@ def readings_of(
     facts = {
         "one": 1.0,
         "grammar": float(said_own),
-        "grammar row": float(bool(rows["grammar"])),
-        "grammar rows": float(len(rows["grammar"]) > 1),
-        "grammar kind": float(any(c.kind for c in own)),
-        "grammar numbers": float(bool(stated["grammar"])),
-        "grammar relation": float(any(c.comparisons for c in own)),
-        "grammar unknown": float(any(c.unknown for c in own)),
-        "grammar doubts": float(doubtful),
-        "grammar by name": float(bool(how) and not {*how} <= {*GENERAL}),
-        "grammar in general": float(bool(how) and {*how} <= {*GENERAL}),
+        "grammar_row": float(bool(rows["grammar"])),
+        "grammar_rows": float(len(rows["grammar"]) > 1),
+        "grammar_kind": float(any(c.kind for c in own)),
+        "grammar_numbers": float(bool(stated["grammar"])),
+        "grammar_relation": float(any(c.comparisons for c in own)),
+        "grammar_unknown": float(any(c.unknown for c in own)),
+        "grammar_doubts": float(doubtful),
+        "grammar_by_name": float(bool(how) and not {*how} <= {*GENERAL}),
+        "grammar_in_general": float(bool(how) and {*how} <= {*GENERAL}),
         "mute": float(i in bound.mute),
         "heard": float(heard),
-        "sure of words": sure * heard,
-        "sure of these": _logit(said.within) * heard,
-        "sure of none": sure * (not heard),
-        "none heard, grammar": sure * (not heard and said_own),
-        "words read": float(bool(read)),
-        "words doubtful": float(unread),
-        "words row": float(bool(rows.get("words"))),
-        "words numbers": float(bool(stated.get("words"))),
+        "sure_of_words": sure * heard,
+        "sure_of_these": _logit(said.within) * heard,
+        "sure_of_none": sure * (not heard),
+        "none_heard_grammar": sure * (not heard and said_own),
+        "words_read": float(bool(read)),
+        "words_doubtful": float(unread),
+        "words_row": float(bool(rows.get("words"))),
+        "words_numbers": float(bool(stated.get("words"))),
         "same": float(same),
-        "sure, same": sure * same,
+        "sure_same": sure * same,
         "differ": float(heard and said_own and not same),
-        "sure, differ": sure * (heard and said_own and not same),
-        "grammar like words": alike("grammar", "words"),
-        "grammar like phrase": alike("grammar", "phrase"),
-        "words like phrase": alike("words", "phrase"),
+        "sure_differ": sure * (heard and said_own and not same),
+        "grammar_like_words": alike("grammar", "words"),
+        "grammar_like_phrase": alike("grammar", "phrase"),
+        "words_like_phrase": alike("words", "phrase"),
         "share": _logit(meant.share) if meant and row else 0.0,
-        "no row": float(bool(meant and not row)),
-        "share, grammar": (_logit(meant.share) if meant else 0.0) * alike("grammar", "phrase"),
-        "share, against": (_logit(meant.share) if meant and row else 0.0)
+        "no_row": float(bool(meant and not row)),
+        "share_grammar": (_logit(meant.share) if meant else 0.0) * alike("grammar", "phrase"),
+        "share_against": (_logit(meant.share) if meant and row else 0.0)
         * (bool(rows["grammar"]) and not alike("grammar", "phrase")),
-        "of another": float(any(a <= s and e <= b for a, b in held for s, e in spans)),
+        "of_another": float(any(a <= s and e <= b for a, b in held for s, e in spans)),
         "shared": float(any(shared)),
-        "relation heard": float(any(r == "relation" for r, *_ in said.words)),
-        "number heard": float(any(r == "number" for r, *_ in said.words)),
+        "relation_heard": float(any(r == "relation" for r, *_ in said.words)),
+        "number_heard": float(any(r == "number" for r, *_ in said.words)),
         "alternative": float(any(r == "alternative" for r, *_ in said.words)),
         "excluded": float(any(r == "excluded" for r, *_ in said.words)),
         "language": float(bool(language)),
-        "language, grammar": float(bool(language) and said_own),
+        "language_grammar": float(bool(language) and said_own),
         "length": math.log(len(text) / 100),
         "parts": math.log(len(names) / 4),
-        "long phrase": math.log(max(len(phrase), 1) / 10) * bool(phrase),
+        "long_phrase": math.log(max(len(phrase), 1) / 10) * bool(phrase),
         "spread": math.log(max((max(e for _, e in spans) - min(s for s, _ in spans)) / 10, 1))
         if spans
         else 0.0,

@@ -61,7 +61,7 @@ def test_a_predictor_is_one_class_and_one_registration(toy):
     """The toy gets what words leave open, and the dial that its kind takes; words stay."""
     assert isinstance(toy(), Predictor)
     options = AssignOptions(predictor="leaden", alpha=1.0, cells=16)
-    found = apx.assign(two_regions(), "a soft foam seat with stiff legs", options=options)
+    found = apx.assign(two_regions(), "the seat is soft foam", options=options)
     by_part = {choice.part: choice for choice in found.choices}
     assert by_part["seat"].row is load_table().exact("soft foam")
     assert by_part["mat_1"].value.E == pytest.approx(LEAD.E.max)
