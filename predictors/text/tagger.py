@@ -57,6 +57,23 @@ def shown_name(name: str) -> str:
     return " ".join(str(int(w)) if w.isdecimal() else w for w in shown) or "part"
 
 
+def without_prefix(names: Sequence[str]) -> list[str]:
+    """Names without the words, two or more, that all of them begin with: a file's, an asset's.
+
+    >>> without_prefix(["Cafe_chair_Alu frame", "Cafe_chair_seat"])
+    ['Alu frame', 'seat']
+    >>> without_prefix(["leg_1", "leg_2"])
+    ['leg_1', 'leg_2']
+    """
+    cut = [[m.end() for m in re.finditer(r"[^\W_]+[\W_]+", name)] for name in names]
+    for count in range(min(map(len, cut), default=0), 1, -1):
+        same = len({name[: ends[count - 1]] for name, ends in zip(names, cut, strict=True)}) == 1
+        rest = [name[ends[count - 1] :] for name, ends in zip(names, cut, strict=True)]
+        if same and len(names) > 1 and all(re.search(r"[^\W\d_]", name) for name in rest):
+            return rest
+    return [*names]
+
+
 def question(names: Sequence[str], i: int) -> str:
     """What is asked about a part: its name, then the others' without their numbers."""
     others = (_NUMBER.sub("", shown_name(n)) for j, n in enumerate(names) if j != i)
@@ -130,7 +147,7 @@ class Tagger(MiniLM):
     def said(self, names: Sequence[str], text: str) -> list[Said]:
         """What a text says of each part, by their names."""
         encoded = self._tokenizer.encode(text, add_special_tokens=False)
-        said = {*re.findall(r"\d+", text)}
+        said, names = {*re.findall(r"\d+", text)}, without_prefix(names)
         if len(names) > MANY:  # those that only a number tells apart are asked about once
             names = [n if {*re.findall(r"\d+", n)} & said else _LAST.sub("", n) for n in names]
         questions = [question(names, i) for i in range(len(names))]
@@ -298,12 +315,16 @@ def with_second_opinion(
             for place, k in enumerate(parts[i].clauses):
                 kept = [d for d in clauses[k].doubts if not plain or _kind(d) not in _BESIDE]
                 anew = (*kept, *doubts) if clauses[k].says_matter else tuple(kept)
-                if anew != clauses[k].doubts:  # others may have this clause too
-                    clauses.append(replace(clauses[k], doubts=anew))
+                if anew == clauses[k].doubts:
+                    continue
+                new, doubts = replace(clauses[k], doubts=anew), ()
+                if sum(k in part.clauses for part in parts) == 1:
+                    clauses[k] = new
+                else:  # others have this clause too
                     own = parts[i].clauses
-                    own = (*own[:place], len(clauses) - 1, *own[place + 1 :])
+                    own = (*own[:place], len(clauses), *own[place + 1 :])
                     parts[i] = parts[i]._replace(clauses=own)
-                    doubts = ()
+                    clauses.append(new)
             continue
         spans = [(start, end) for role, start, end in said.words if role in _DECIDING]
         whole = min(start for start, _ in spans), max(end for _, end in spans)

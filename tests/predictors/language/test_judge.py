@@ -78,3 +78,22 @@ def test_weights_are_of_facts_that_there_are():
     for own in weights.values():
         assert own
         assert {*own} <= {*facts}
+
+
+def test_names_of_a_file_that_all_begin_alike_are_told_apart_by_the_rest():
+    """No doubt about a plain sentence because of what an exporter writes before every name."""
+    names = ["Cafe_chair_Cafe_chair_Aluminum frame", "Cafe_chair_Cafe_chair_Green_chair seat"]
+    labels, text = [[name] for name in names], "a steel frame with an oak seat"
+    bound = judge.with_second_opinion(read_sentence(text, labels, TABLE), labels, TABLE)
+    assert rows(bound) == [{STEEL}, {OAK}]
+    assert not any(clause.doubts for clause in bound.sentence.clauses)
+
+
+def test_a_doubt_leaves_no_clause_behind_that_speaks_of_no_part(monkeypatch):
+    """The clause that is doubted is the one that the part has, and no copy of it."""
+    low = type("Judge", (), {"doubted": 0.7, "plain": 1.0, "chance": lambda *_: 0.5})()
+    monkeypatch.setattr(judge, "load_judge", lambda: low)
+    whole = read_sentence("the seat is oak, the leg is steel", LABELS[:2], TABLE)
+    found = judge.with_second_opinion(whole, LABELS[:2], TABLE)
+    assert len(found.sentence.clauses) == len(whole.sentence.clauses)
+    assert all(clause.doubts for clause in found.sentence.clauses)
