@@ -525,7 +525,7 @@ def _without_idle(
 ) -> Bound:
     """The sentence without what spoke of no part, or no longer does, and was read anew.
 
-    Nor what the tagger is sure to be no matter of any part: a crate, a tolerance.
+    Unread words that the tagger surely has for no part, as those of a tolerance, are a note.
     """
     text = bound.sentence.text
     least = min(said.certainty for said in every)
@@ -545,10 +545,7 @@ def _without_idle(
     stale = {k for k in range(len(clauses)) if k not in used and is_anew(k)}
     place = {k: n for n, k in enumerate(k for k in range(len(clauses)) if k not in stale)}
     said = " ".join(text[start:end] for start, end in taken)
-    spans = ((k, clauses[k].span) for k in bound.unbound)
-    aside = {k for k, (start, end) in spans if is_aside(start, end - start)}
     beside = [word for word in bound.sentence.unread if is_aside(text.find(word), len(word))]
-    beside += [clauses[k].text for k in sorted(aside)]
     told = Note("reader.aside", words=", ".join(map(repr, dict.fromkeys(beside))))
     sentence = replace(
         bound.sentence,
@@ -559,10 +556,7 @@ def _without_idle(
         ),
     )
     renamed = (part._replace(clauses=tuple(place[k] for k in part.clauses)) for part in parts)
-    parts, unbound = (
-        tuple(renamed),
-        (place[k] for k in bound.unbound if k in place and k not in aside),
-    )
+    parts, unbound = tuple(renamed), (place[k] for k in bound.unbound if k in place)
     mute = (i for i in bound.mute if {*parts[i].how} <= {*GENERAL})
     return Bound(sentence, parts, tuple(unbound), tuple(mute))
 

@@ -97,3 +97,12 @@ def test_a_doubt_leaves_no_clause_behind_that_speaks_of_no_part(monkeypatch):
     found = judge.with_second_opinion(whole, LABELS[:2], TABLE)
     assert len(found.sentence.clauses) == len(whole.sentence.clauses)
     assert all(clause.doubts for clause in found.sentence.clauses)
+
+
+def test_clauses_of_parts_that_have_other_names_stay_for_the_network():
+    """What no name binds is not put aside: "Aluminum" may be the frame."""
+    labels = [["Aluminum"], ["Green_chair"]]
+    whole = read_sentence("a rubber frame with a foam seat", labels, TABLE)
+    found = judge.with_second_opinion(whole, labels, TABLE)
+    assert found.unbound == whole.unbound
+    assert len(found.sentence.clauses) == 2
