@@ -23,7 +23,7 @@ _FACTOR = re.compile(
 )
 _PERCENT = re.compile(r"(?<![\w.,])(\d+(?:[.,]\d+)?) ?%")
 _LONGEST = 4  # words of a part's name
-_MORE, _LESS = 2.0, 0.5  # what "stiffer" and "softer" are at the least
+_MORE = 2.0  # times: what "stiffer" is at the least, and "softer" the other way
 
 
 class Relation(NamedTuple):
