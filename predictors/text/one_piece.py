@@ -141,7 +141,7 @@ def of_one_piece(bound: Bound, labels: Sequence[Sequence[str]], table: MaterialT
             return False  # "a fruit bowl"
         if any(_over(c.matter, here) for c in claims) or clause.subject.scope == "rest":
             return True
-        heads = {name[-1] for name in clause.subject.names}
+        heads = {n[-1] for n in clause.subject.names}
         numbers = any(n.measure not in ("mass", "thickness") for n in clause.numbers)
         if numbers or clause.comparisons or clause.excluded:
             return True
