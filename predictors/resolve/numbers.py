@@ -179,7 +179,7 @@ def with_numbers(
     if blend is not None:
         rows = {"CFRP (along fibre)": "carbon", "E-glass fibre": "glass"}  # of the words for them
         fibre = rows.get(blend.material)
-        if fibre is None:
+        if fibre is None or row.category == "metal":  # "flange CF63 1.4404"
             warnings.append(Note("numbers.part_changes_known", part=part, **vars(blend)))
         else:
             value, line = with_fibres(value, fibre, blend.share)

@@ -156,6 +156,9 @@ def readings_of(
     unread = False
     if words and not known:
         others = names if len(names) <= MANY else names[i : i + 1]
+        # What the name says of a matter is no second one: "EVA foam" of a part "BladeFoam"
+        told = any(word in table.phrases for word in part.split())
+        part = "part" if told else part
         alone = parse(lists()["alone"][language].format(part=part, words=words), table, others)
         read = tuple(c for c in alone.clauses if c.says_matter)
         unread = bool(alone.unread) or any(c.doubts or c.unknown for c in read)

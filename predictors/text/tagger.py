@@ -345,7 +345,8 @@ def shared_out(
         best = int(likely.argmax())
         spans = [(w.start, w.end) for w in own.words if w.role in ("matter", "number")]
         mine = [any(_over((s.start, s.end), x) for x in spans) for s in found]
-        if best == len(found) or mine[best]:
+        beside = not spans and any(w.role == "relation" for w in own.words)
+        if best == len(found) or mine[best] or beside:
             share = float(likely[:-1][mine].sum() if any(mine) else likely[-1])
             said.append(replace(own, share=share))
             continue
