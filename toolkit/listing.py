@@ -281,8 +281,8 @@ def plan(
 
 def _cost(asset: Asset, options: ConvertOptions) -> tuple[dict[str, float], dict[str, float]]:
     """Tets and seconds of a core that converting takes."""
+    from .meshing import PARTICLES, STUFFING, chosen_mesher
     from .meshing.ftetwild import EDGE_LENGTH_REL, TETS_PER_CUBE, EngineTarget
-    from .meshing.meshers import PARTICLES, STUFFING, chosen_mesher
 
     diagonal, faces = float(np.linalg.norm(asset.size)), _faces(asset)
     if chosen_mesher(options.mesher, sampled=asset.sampled) in (STUFFING, PARTICLES):

@@ -28,7 +28,7 @@ from .asset.document import (
     now,
     read_known,
 )
-from .meshing.meshers import AUTO, OR_PARTICLES
+from .meshing import AUTO, OR_PARTICLES
 from .options import (
     EXPECTED,
     AssignOptions,

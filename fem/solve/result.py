@@ -133,7 +133,7 @@ class StaticResult:
     cycle
         The V-cycle of the iterations that did, for whoever asks on; None: there were none.
     path
-        The ``fem.solve.path.Path`` of rests that led there as the load grew, if it was followed.
+        The ``fem.solve.nonlinear.Path`` of rests that led there as the load grew, if followed.
 
     Examples
     --------

@@ -5,8 +5,8 @@ from itertools import combinations
 import numpy as np
 import pytest
 from autophyx_tet.fem.mesh import boundary_faces, signed_volumes
-from autophyx_tet.toolkit.meshing.stuffing.cut import CORNERS, cut, patterns, stencil
 from autophyx_tet.toolkit.meshing.stuffing.lattice import EDGES, lattice_around, tets_around
+from autophyx_tet.toolkit.meshing.stuffing.mesher import CORNERS, cut, patterns, stencil
 
 MIRRORS = [np.array(signs) for signs in ((1, 1, 1), (-1, 1, 1), (1, -1, 1), (-1, -1, -1))]
 

@@ -23,6 +23,7 @@ from ..asset.repair import WELD_REL, Closing, RepairReport, repair
 from ..asset.solids import Shell, Solids, hollowed, sheet_faces, thickened
 from ..asset.surface import Surface
 from ..asset.triangles import Triangles, closest, edge_components, enclosed_volume
+from . import AUTO, FTETWILD, MESHERS, OR_PARTICLES, PARTICLES, STUFFING, chosen_mesher
 from .ftetwild import FORESEEN, EngineTarget, Filling, LatticeFit, NoFilling
 from .guarantees import (
     BROKEN,
@@ -50,7 +51,6 @@ from .guarantees import (
     separate,
     sound,
 )
-from .meshers import AUTO, FTETWILD, MESHERS, OR_PARTICLES, PARTICLES, STUFFING, chosen_mesher
 from .messages import differences, left_out, likely_hollow, listed, no_mesh, no_volume, said
 from .quality import Quality, quality
 from .stuffing.pieces import SPECK, without_floaters
