@@ -86,15 +86,12 @@ class Objective(Protocol):
 
     def evaluate(self, u: Any, /) -> Point:
         """Energy, gradient and scale."""
-        ...
 
     def hessian(self, u: Any, /, *, projected: bool) -> Any:
         """Hessian [N/m] with prescribed rows dropped; ``projected``: positive semi-definite."""
-        ...
 
     def longest_step(self, u: Any, step: Any, /) -> float:
         """Largest share of ``step`` that stays allowed."""
-        ...
 
 
 # Solves H step = b so that |b - H step| is well below the goal [N] of Newton.

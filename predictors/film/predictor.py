@@ -22,7 +22,7 @@ from ...fem.scene.up import half_turn
 from ...fem.table import FIELDS, MaterialTable, MaterialValue, load_table
 from ..appearance.features import Appearance
 from ..asset import UpAxis
-from ..encoders.registry import TextEncoder
+from ..encoders import TextEncoder
 from ..field import DEFAULT, MaterialField, Normalisation, read_weights
 from ..film.words import EncodedText, HintedEncoder, hear
 from ..grid import PartVoxels, pooled

@@ -19,12 +19,11 @@ from jaxtyping import Float, Int
 from ...fem.table import MaterialTable
 from ..appearance.features import PLAIN_FINISH, Appearance
 from ..asset import UpAxis, upright
-from ..encoders.registry import TextEncoder
+from ..encoders import TextEncoder
 from ..matter import LOOK, by_look
 from ..text.clauses import Clause, Sentence
 from ..text.parts import known_parts, stem
-from .measures import measured, quarter_turned
-from .network import RegionNetwork, Said, Words
+from .network import RegionNetwork, Said, Words, measured, quarter_turned
 
 WHOLE = 0.5  # of the certainty: below it a thing stays in one piece
 FORCED = 2.0  # nats that giving each clause a region may cost, all in all

@@ -10,7 +10,7 @@ import numpy as np
 
 from ...fem.note import Note
 from ...fem.table import MaterialTable
-from ..encoders.registry import TextEncoder
+from ..encoders import TextEncoder
 from ..grid import PartVoxels
 from ..partition import piece_name
 from ..prediction import Binding

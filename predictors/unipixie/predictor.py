@@ -22,7 +22,7 @@ from ...fem.note import Note
 from ...fem.table import MaterialTable, MaterialValue, load_table
 from ..appearance.features import Appearance
 from ..asset import UpAxis, upright
-from ..encoders.registry import TextEncoder
+from ..encoders import TextEncoder
 from ..field import Normalisation, Ranges, read_weights
 from ..grid import PartVoxels
 from ..prediction import PartChoice, Prediction

@@ -23,7 +23,6 @@ class Mesher(Protocol):
 
     def __call__(self, solids: Solids, target: EngineTarget, runner: Runner) -> Filling:
         """Fill ``solids`` [m] as the ``target`` asks; ``NoFilling`` or ``ChildFailure`` if not."""
-        ...
 
 
 # Stuffing for surfaces that are samples themselves, and where fTetWild takes too long; particles

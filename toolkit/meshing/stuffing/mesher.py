@@ -707,11 +707,9 @@ class Regions(Protocol):
 
     def regions(self, offsets: Offsets) -> Int[np.ndarray, "n"]:
         """Region of every node, 0 outside, where surfaces are moved outward by offsets."""
-        ...
 
     def region_at(self, where: Float[np.ndarray, "m 3"], offsets: Offsets) -> Int[np.ndarray, "m"]:
         """Region of other places."""
-        ...
 
     def crossings(
         self,
@@ -720,7 +718,6 @@ class Regions(Protocol):
         offsets: Offsets,
     ) -> Float[np.ndarray, "edges"]:
         """Share of each edge at which the ``regions`` of its ``ends`` meet."""
-        ...
 
 
 class CutMesh(NamedTuple):
