@@ -663,9 +663,7 @@ class ReducedMethod:
         model = reduce_body(
             scene.mesh,
             scene.supports,
-            gravity_vector=scene.gravity_vector,
-            traction=scene.tractions,
-            forces=scene.forces,
+            **scene.loads,
             order=order,
             kind=self.kind,
             derived=DERIVED_IN_MOTION,

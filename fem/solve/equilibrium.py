@@ -75,12 +75,7 @@ class StaticMethod:
         if not (acts or (scene.forces is not None and np.any(scene.forces))):
             raise UsageError("equilibrium.nothing_acts")
         warnings = [*scene.warnings]
-        loads = {
-            "gravity_vector": scene.gravity_vector,
-            "traction": scene.tractions,
-            "forces": scene.forces,
-            "device": device,
-        }
+        loads = scene.loads | {"device": device}
         solve = partial(solve_static, scene.mesh, scene.held, **loads)
         static = solve(order=order)
         error = find_discretisation_error(static, scene.held, solve, **loads).relative

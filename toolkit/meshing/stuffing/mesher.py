@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import cache, lru_cache
 from itertools import combinations, product
-from typing import Any, NamedTuple, Protocol, runtime_checkable
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -699,27 +699,6 @@ WILD = -1  # the region of a node on the surface
 WILD_ANGLES = 10.8, 164.7
 
 
-@runtime_checkable
-class Regions(Protocol):
-    """The nodes of a lattice, ``where`` (n, 3), and which region they and other places lie in."""
-
-    where: np.ndarray
-
-    def regions(self, offsets: Offsets) -> Int[np.ndarray, "n"]:
-        """Region of every node, 0 outside, where surfaces are moved outward by offsets."""
-
-    def region_at(self, where: Float[np.ndarray, "m 3"], offsets: Offsets) -> Int[np.ndarray, "m"]:
-        """Region of other places."""
-
-    def crossings(
-        self,
-        ends: Int[np.ndarray, "edges 2"],
-        regions: Int[np.ndarray, "edges 2"],
-        offsets: Offsets,
-    ) -> Float[np.ndarray, "edges"]:
-        """Share of each edge at which the ``regions`` of its ``ends`` meet."""
-
-
 class CutMesh(NamedTuple):
     """``points`` (n, 3), positive ``tets`` (m, 4), the ``region`` (m,) of each.
 
@@ -745,7 +724,7 @@ class DividedTets(NamedTuple):
     mirrored: np.ndarray
 
 
-def cut(lattice: Lattice, field: Regions, offsets: Offsets) -> CutMesh:
+def cut(lattice: Lattice, field: NodeField, offsets: Offsets) -> CutMesh:
     """Fill the regions with tets; the surface of each shell is moved outward by its offset."""
     nodes, region = field.where, field.regions(offsets)
     tets, mirrored = tets_around(lattice, region > 0)
@@ -848,7 +827,7 @@ def _table() -> tuple[Int[np.ndarray, "81 3 4"], Int[np.ndarray, "81"]]:
 
 def _wild_tets(
     lattice: Lattice,
-    field: Regions,
+    field: NodeField,
     points: Points,
     wild: Bool[np.ndarray, "nodes"],
     offsets: Offsets,
