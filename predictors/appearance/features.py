@@ -17,7 +17,7 @@ from jaxtyping import Bool, Float, Int
 
 from ...fem.errors import InputError
 from ..asset import Asset, upright
-from ..encoders import Encoder, ImageEncoder, load_encoder
+from ..encoders import Encoder, ImageEncoder, TextEncoder, load_encoder
 from ..grid import Grid, PartVoxels
 from ..text.parts import bare_words
 from .surface import gloss_of, opaque_density, random_points, skin_of, surface_voxels
@@ -25,8 +25,6 @@ from .views import PIXELS, Camera, Views, hemisphere, render_views
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
-
-    from ..encoders import TextEncoder
 
 
 VIEWS, LOWER = 15, 0  # AutoPhyX 3.3: the upper hemisphere

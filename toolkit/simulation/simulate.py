@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from ...converters import npz
+from ...converters.points.table import read_points
 from ...converters.registry import POINT_FORMATS
 from ...fem.errors import ConvergenceError, InputError, UsageError
 from ...fem.mesh import TetMesh
@@ -212,8 +214,6 @@ def _within_budget(
     progress: Callable[[str, float], None] | None,
 ) -> tuple[TetMesh, SimulateOptions]:
     """A coarse body and the options of what drives it, told with what it will take."""
-    from ...converters.points.table import read_points
-
     body = coarsened(mesh)
     plan = film_plan(body, options, picture=picture_seconds(read_points(drive)), **known)
     if progress is not None:
@@ -252,8 +252,6 @@ def _film(
     progress: Callable[[str, float], None] | None = None,
 ) -> DriveRecord:
     """The film ``folder``/film.webp of a motion within a budget, written frame by frame."""
-    from ...converters.points.table import read_points
-
     actor = actor_of(read_points(carrier), result, options, mesh=mesh, scale=scale)
     key = f"{options} {result.mesh} {carrier.name} {carrier.stat().st_size}"
     told = frames_told("film", progress, time.perf_counter())
@@ -280,8 +278,6 @@ def _voxel_body(path: Path, *, cells: int, scale: float = 1.0) -> VoxelBody | No
     Splats and points are filled on a grid of ``cells`` along their longest side; their unit is
     ``scale`` metres.
     """
-    from ...converters import npz
-    from ...converters.points.table import read_points
     from ...converters.transfer import field_from_points, tets_of_field
 
     suffix = path.suffix.lower()
