@@ -50,7 +50,6 @@ from .budget import Plan, check_budget, paced, planned
 
 if TYPE_CHECKING:
     from ...fem.mpm.method import MpmMethod
-    from ...fem.reduced.motion import ReducedMethod
     from ...fem.springs.body import SpringMethod
 
 

@@ -8,12 +8,12 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ...converters import npz
-from ...converters.points.table import read_points
+from ...converters.points.table import PointTable, read_points
 from ...converters.registry import POINT_FORMATS
 from ...fem.errors import ConvergenceError, InputError, UsageError
 from ...fem.mesh import TetMesh
@@ -30,9 +30,6 @@ from ..options import EXPECTED, SimulateOptions, command_line
 from ..verdict.simulation import Simulation
 from .budget import MOST_TETS, coarsened, picture_seconds, shown_states
 from .scenario import changed_options, film_plan, frames_told, run_scenario
-
-if TYPE_CHECKING:
-    from ...converters.points.table import PointTable
 
 
 def simulate(

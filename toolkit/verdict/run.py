@@ -18,6 +18,7 @@ from ...fem.mesh import TetMesh
 from ...fem.note import Note
 from ...predictors.asset import Asset
 from ..asset.document import Sidecar, mesh_document, versions
+from ..meshing.guarantees import ConversionReport
 from ..options import AssignOptions, WallOptions
 from .assignment import Assignment
 from .check import Check, as_table, in_a_line
@@ -25,7 +26,6 @@ from .simulation import Simulation, StaticSimulation
 
 if TYPE_CHECKING:
     from ...predictors.appearance.features import VoxelFeatures
-    from ..meshing.guarantees import ConversionReport
 
 
 # Places of the dial: the soft end of what is not said, its middle, the stiff end.
