@@ -647,7 +647,11 @@ def _unit(found: re.Match | None) -> str:
 def _column(name: str) -> str:
     """What a column of this name holds, "" where that is no matter."""
     bare = re.sub(r"[\[(].*|_(?=[A-Za-z]*/?[a-z]*\d?$).*", "", name).strip(" .:").lower()
-    return next((kind for kind, names in words()["columns"].items() if bare in names), "")
+    unit = _COLUMN_UNIT.search(name.replace("_", " "))
+    if unit and not (rest := bare.replace(unit[0].lower(), "").strip(" .:,")):
+        return "E" if unit[1] else "rho"
+    kinds = words()["columns"].items()
+    return next((kind for kind, names in kinds if {bare, unit and rest} & {*names}), "")
 
 
 def _cells(line: str, sign: str, most: int = 0) -> Sequence[str]:
@@ -698,12 +702,16 @@ _SYSTEMS = (
     ((3e-5, 3e-3), 6894.757, 10686895.0),  # in, lbf s2/in, s, psi
     ((1.0, 3e4), 1.0, 1.0),  # SI
 )
-_STIFFEST = 2e12  # Pa
+_SOFTEST, _STIFFEST = 500.0, 2e12  # Pa
 _COMMENT = re.compile(r"^\s*(?:\*\*|\$|!|#|//|C )\s*(.*)$")
-_NASTRAN = re.compile(r"(?i)^MAT1\b")
+_MAT1 = r"MAT1\*?[,\s]\s*\d+\s*[,\s][-+.,\s\d]"
+_NASTRAN = re.compile(rf"(?i)^{_MAT1}")
+_BEGUN = re.compile(rf"(?im)^(?:\*MAT|MP,|\w+\s*=\s*DEFI_MATERIAU|{_MAT1})")
 _ANSYS = re.compile(rf"(?i)^MP,\s*(EX|PRXY|NUXY|DENS),\s*(\d+),\s*({_FIGURE})")
 _LS_DYNA = re.compile(r"(?i)^\*MAT_(?!ADD)\w+")
 _ABAQUS = re.compile(r"(?i)^\*MATERIAL\b.*?NAME\s*=\s*[\"']?([^\"',]+)")
+_PROSE = re.compile(r"[a-z]{2}|(?:[^\W\d_]{2,}\W+){2}[^\W\d_]{2}")  # no card is so
+_IN_DECK = re.compile(r"(?i)\*|MAT\d|MP,|\w+\s*=\s*DEFI_MATERIAU|\*\*|\$|!|#|//|C ")
 _KEYWORD = re.compile(r"(?i)^\*(ELASTIC|DENSITY)\b")
 _ASTER = re.compile(r"(?i)^(\w+)\s*=\s*DEFI_MATERIAU\s*\((.*)\)")
 _GIVEN = re.compile(rf"(?i)\b(E|NU|RHO)\s*=\s*({_FIGURE})")
@@ -723,7 +731,7 @@ _SILENT = re.compile(
 
 def _decks(text: str) -> str:
     """The text with a sentence in place of each material's cards; bare numbers in their units."""
-    if not re.search(r"(?im)^(?:\*MAT|MAT1|MP,|\w+\s*=\s*DEFI_MATERIAU)", text):
+    if not _BEGUN.search(text):
         return _in_units(text)
     cards, called, said = [*_cards(text.splitlines())], dict[str, list[str]](), list[str]()
     for comment in filter(None, map(_COMMENT.match, text.splitlines())):
@@ -734,13 +742,20 @@ def _decks(text: str) -> str:
     for comment in filter(None, map(_COMMENT.match, text.splitlines())):
         if not _SILENT.search(comment[1]) and all(comment[1] != card.key for card in cards):
             said.append(f"{comment[1]};")
+    keys = {key.lower() for key, _ in cards}
+    said += [
+        line for line in map(str.strip, text.splitlines())
+        if _PROSE.search(line) and not _IN_DECK.match(line) and line.lower() not in keys
+    ]  # fmt: skip
     out = []
     for key, numbers in cards:
         system = next((s for s in _SYSTEMS if s[0][0] <= numbers.get("rho", 0) < s[0][1]), None)
         if system is None and "E" in numbers:
             system = (0, 0), 1.0 if numbers["E"] > 1e8 else 1e6 if _UNITS.search(text) else 0.0, 0.0
         E = numbers.get("E", 0.0) * system[1] if system else 0.0
-        if system is None or not E:
+        if E < _SOFTEST:  # in units that nobody can tell
+            stated = [f"{measure} = {value:.10g}" for measure, value in numbers.items()]
+            out += [f"{name}: {', '.join(stated)};" for name in called.get(key, [key])]
             continue
         E = E / 1e3 if E > _STIFFEST else E
         values = [f"E = {E:.10g} Pa"] * (E > 0)

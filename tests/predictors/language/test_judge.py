@@ -2,10 +2,10 @@
 
 import pytest
 from autophyx_tet.fem.table import load_table
-from autophyx_tet.predictors.text import tagger as judge
+from autophyx_tet.predictors.text import judge
 from autophyx_tet.predictors.text.clauses import Bound, BoundPart
 from autophyx_tet.predictors.text.reader import read_sentence
-from autophyx_tet.predictors.text.tagger import Said, Words
+from autophyx_tet.predictors.text.tagger import Said, Words, load_tagger, words_of
 
 TABLE = load_table()
 TEXT = "the legs are oak, the seat is soft foam; everything else is steel"
@@ -39,7 +39,9 @@ def test_the_likeliest_reading_is_taken_and_an_unlikely_one_is_a_doubt(
 ):
     text = "the seat is oak, the leg is steel; brass"
     words = (Words("matter", text.index("brass"), len(text)),)
-    tagger = type("Fixed", (), {"said": lambda *_: [Said(words, 0.9), Said((), 1.0)]})()
+    matter = tuple(float(start == words[0].start) for start, _ in words_of(text))
+    said = [Said(words, 0.9, matter=matter), Said((), 1.0, matter=(0.0,) * len(matter))]
+    tagger = type("Fixed", (), {"said": lambda *_: said})()
     monkeypatch.setattr(judge, "load_tagger", lambda: tagger)
     fixed = type(
         "Judge", (), {"doubted": 0.7, "plain": 1.0, "chance": lambda _, r, __: chances.get(r, 0.0)}
@@ -71,7 +73,7 @@ def test_a_relation_that_the_tagger_finds_is_read_by_its_words(text, parts, fact
 def test_weights_are_of_facts_that_there_are():
     """None of a fact that was renamed; every reader has some."""
     bound = read_sentence(TEXT, LABELS, TABLE)
-    said = judge.load_tagger().said([own[0] for own in LABELS], TEXT)
+    said = load_tagger().said([own[0] for own in LABELS], TEXT)
     _, facts = judge.readings_of(0, bound, said, LABELS, TABLE)
     weights = judge.load_judge().weights
     assert {*weights} == {*judge.READERS}

@@ -135,3 +135,22 @@ def test_a_number_is_measured(words, measure, value):
     found = values(f"bush: steel, {words}; lid: oak", ["bush", "lid"])
     assert found["bush"][measure] == pytest.approx(value, rel=1e-4)
     assert not found["lid"]
+
+
+@pytest.mark.parametrize("deck", DECKS)
+def test_what_is_no_card_stays(deck):
+    """Sentences before and behind the cards are read as they stand."""
+    text = f"the lid has E = 3 GPa\n{DECKS[deck]}\nthe pin has E = 5 GPa"
+    found = values(text, ["lid", "pin", "Plate"])
+    assert [found[part].get("E") for part in found] == [3e9, 5e9, 2.1e11]
+
+
+def test_a_number_of_a_card_is_never_lost():
+    """In units that its density does not tell it is said without one, and no number of SI."""
+    said = in_sentences("MAT1,1,71.7,,.33,2.81\n$ mat 1 = rib\n")
+    assert said == "rib: E = 71.7, nu = 0.33, rho = 2.81;"
+
+
+def test_a_sentence_that_begins_as_a_card_does_is_none():
+    text = "MAT1 1: E=71.7 GPa nu=.33 rho=2810 kg/m3 -> plate"
+    assert in_sentences(text) == text
