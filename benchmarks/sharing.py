@@ -15,6 +15,8 @@ from pathlib import Path
 
 from autophyx_tet.fem.table import load_table
 from autophyx_tet.predictors.text import tagger
+from autophyx_tet.predictors.text.lexing import in_english, lex
+from autophyx_tet.predictors.text.materials import lexicon_of
 from autophyx_tet.predictors.text.reader import read_sentence
 from autophyx_tet.research.training.tagger.templates import DATA
 from sentences import SETS, _read
@@ -46,23 +48,26 @@ def marked(names):
                 bound = read_sentence(sentence["text"], [[p] for p in parts], table)
                 if bound.sentence.text != sentence["text"]:
                     continue  # a table: the marks are at other places
-                said = tagger.load_tagger().said(parts, sentence["text"])
-                found.append((said, bound, tagger.without_prefix(parts), table, wanted))
+                lexed = lex(sentence["text"], lexicon_of(table), parts)
+                gloss = in_english(sentence["text"], lexed)
+                said = tagger.load_tagger().said(parts, sentence["text"], gloss)
+                found.append((said, bound, tagger.without_prefix(parts), lexed, wanted))
     return found
 
 
 def likelihood(texts):
     """Logarithm of the likelihood of what is right, and how many parts and texts are."""
     total, parts, whole = 0.0, 0, 0
-    for said, bound, names, table, wanted in texts:
+    for said, bound, names, lexed, wanted in texts:
+        found, chances = tagger.chances_of(said, bound, names, lexed)
         right = []
-        for own, marks in zip(tagger.shared_out(said, bound, names, table), wanted, strict=True):
-            spans = [(w.start, w.end) for w in own.words if w.role in ("matter", "number")]
+        for likely, marks in zip(chances, wanted, strict=True):
             if marks is None:
                 continue
-            met = [any(a < d and c < b for c, d in spans) for a, b in marks]
-            right.append(any(met) if marks else not spans)
-            total += math.log(max(own.share if right[-1] else 1 - own.share, 1e-3))
+            met = [any(a < s.end and s.start < b for a, b in marks) for s in found]
+            met.append(not marks)
+            right.append(met[likely.argmax()])
+            total += math.log(max(likely[met].sum(), 1e-3)) if any(met) else 0.0
         parts, whole = parts + sum(right), whole + all(right)
     return total, parts, whole
 
@@ -75,13 +80,6 @@ def main():
     parser.add_argument("--rounds", type=int, default=2)
     options = parser.parse_args()
     texts = marked(options.sets)
-    lexed = {}
-
-    def lex(text, lexicon, names, lex=tagger.lex):
-        key = text, *names
-        return lexed[key] if key in lexed else lexed.setdefault(key, lex(text, lexicon, names))
-
-    tagger.lex = lex
     weights = dict(tagger.load_sharing())
     tagger.load_sharing = lambda: weights
     best = likelihood(texts)

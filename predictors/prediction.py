@@ -189,7 +189,8 @@ class Prediction:
     def doubts(self) -> Iterator[str]:
         """Sentences about what was guessed rather than known."""
         yield from self.warnings
-        guesses: dict[tuple[str, str], list[str]] = {}  # what is taken -> the parts that have it
+        # What is taken, and whether it is nu alone -> the parts that have it
+        guesses: dict[tuple[str, str, bool], list[str]] = {}
         looked_up = (c for c in self.choices if not (c.borrowed or c.binding))
         own = {id(choice.clause): choice.clause.text for choice in looked_up if choice.clause}
         for choice in self.choices:
@@ -211,12 +212,13 @@ class Prediction:
                 yield Note("prediction.by_words", **values)
             elif choice.understood and guess:
                 taken = Note("prediction.guessed") if choice.network else "taken as"
-                guesses.setdefault((taken, choice.material), []).append(choice.part)
-        for (taken, material), of in guesses.items():
+                stated = {"E", "rho"} <= {*choice.exact}
+                guesses.setdefault((taken, choice.material, stated), []).append(choice.part)
+        for (taken, material, stated), of in guesses.items():
             parts = f"part{'s' * (len(of) > 1)} {', '.join(map(repr, of))}"
             say = Note("prediction.say_text", part=of[0])
             values = {"parts": parts, "taken": taken, "material": material, "say": say}
-            yield Note("prediction.nothing_names", **values)
+            yield Note("prediction.nu_of" if stated else "prediction.nothing_names", **values)
         pieces_of = Counter(self.parents)
         for parent in sorted(i for i, count in pieces_of.items() if count > 1):
             of = [i for i, p in enumerate(self.parents) if p == parent]

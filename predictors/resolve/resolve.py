@@ -629,10 +629,11 @@ class Decider:
         if alpha is not None:
             place, value = alpha, value._replace(E=choice.row.value(alpha).E)
         choice = replace(choice, value=value, alpha=place)
+        said = {"E", "rho"} <= {number.measure for number in statement.numbers}
         value, derivation, warnings, exact = with_numbers(
             part.name, choice.row, choice.value, statement.numbers,
             blend=statement.first("blend"), volume=volume, within=within,
-            named=statement.naming is not None or part.material is not None,
+            named=statement.naming is not None or (part.material is not None and not said),
         )  # fmt: skip
         derivation = (*heaped, *swims, *derivation)
         choice = replace(choice, value=value, derivation=derivation, exact=exact)
@@ -647,8 +648,8 @@ class Decider:
         one = self.table.exact(first) if others else None
         if one and not all(_is_nearly(one, self.table.exact(name)) for name in others):
             both, left = " and ".join(map(repr, named)), ", ".join(map(repr, others))
-            said = {"name": part.name, "named": both, "first": first, "others": left}
-            notes.append(Note("resolve.part_text", **said))
+            values = {"name": part.name, "named": both, "first": first, "others": left}
+            notes.append(Note("resolve.part_text", **values))
         doubts = dict.fromkeys(statement.all("doubts"))
         notes += [_of_parts(doubt, [part.name]) for doubt in doubts]
         unknown = None if choice.row in [*load_contents()] else statement.unknown
@@ -807,9 +808,10 @@ def _choice(
 
 
 def _is_nearly(one: Material, other: Material) -> bool:
-    """Whether two rows differ by no more than grades of a metal do: .1 in E, .05 in rho."""
+    """Whether two rows differ by no more than grades do: a tenth in E of a metal, else a half."""
     (a, _, b), (c, _, d) = one.value(), other.value()
-    return one.category == other.category and abs(a / c - 1) < 0.1 and abs(b / d - 1) < 0.05
+    E, rho = (0.1, 0.05) if one.category == "metal" else (0.5, 0.15)
+    return one.category == other.category and abs(a / c - 1) < E and abs(b / d - 1) < rho
 
 
 def _kind_taken(part: NamedPart, statement: PartStatement, row: Material) -> tuple[str, ...]:

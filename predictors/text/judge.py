@@ -24,6 +24,7 @@ from ...fem.table import MaterialTable
 from .clauses import GENERAL, Bound, BoundPart, Clause, Subject
 from .english import words as lists
 from .languages import bare, languages
+from .lexing import in_english, lex
 from .materials import ReaderLexicon, atoms, lexicon_of
 from .numerals import Comparison, number
 from .parts import parts_called
@@ -82,8 +83,9 @@ def with_second_opinion(
     judge = load_judge()
     clauses, parts = [*bound.sentence.clauses], [*bound.parts]
     taken: list[tuple[int, int]] = []  # where the words stand that are read anew
-    every = load_tagger().said(names, text)
-    every = shared_out(every, bound, without_prefix(names), table)
+    lexed = lex(text, lexicon_of(table), names)
+    every = load_tagger().said(names, text, in_english(text, lexed))
+    every = shared_out(every, bound, without_prefix(names), lexed)
     for i, said in enumerate(every):
         readings, facts = readings_of(i, bound, every, labels, table)
         chances = {r.reader: judge.chance(r.reader, facts) for r in readings}
@@ -116,7 +118,7 @@ def with_second_opinion(
         ]
         if chance <= judge.doubted:
             found = [_guessed(c, best.reader) for c in found]
-        elif facts["of_another"] and not facts["grammar"]:
+        elif facts["of_another"] and not facts["grammar"] and chance <= judge.plain:
             note = Note("tagger.of_another", words=text[slice(*whole)])
             found = [replace(c, doubts=(*c.doubts, note)) for c in found]
         again = [d for k in parts[i].clauses for d in clauses[k].doubts]

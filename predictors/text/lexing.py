@@ -34,6 +34,7 @@ _RANK = {"part": 0, "number": 1, "material": 2, "told": 2.5, "size": 2.5}
 # What the model is shown for tokens that it cannot know, and for phrases that are one token here.
 _PLAIN = {"material": "wood", "number": "12", "size": "12", "told": "12", "part": "part"}
 _PHRASES = words()["shown"]
+_AS_IT_IS = ("material", "number", "digits")  # what is the same in every language
 
 
 @dataclass
@@ -137,6 +138,31 @@ def lex(text: str, lexicon: ReaderLexicon, names: Sequence[str]) -> Lexed:
 _REWRITES = [
     (re.compile(rule["find"]), rule["to"]) for rule in (*words()["rewrites"], *data()["rewrites"])
 ]
+
+
+class Gloss(NamedTuple):
+    """A text in English; the places of its words there, and then of the same words here."""
+
+    text: str
+    places: list[tuple[int, int, int, int]]
+
+
+def in_english(text: str, lexed: Lexed) -> Gloss | None:
+    """Return a text of another language word by word, None where it is English."""
+    if not any(getattr(note, "kind", "") == "lexing.read_as" for note in lexed.notes):
+        return None
+    out, places, at = "", list[tuple[int, int, int, int]](), 0
+    for x in lexed.lexemes:
+        if x.start < at:
+            continue
+        out += text[at : x.start]
+        here = text[x.start : x.end]
+        matter = x.role == "material" and not any(c.isdigit() for c in here)
+        word = here if x.role in _AS_IT_IS and not matter else " ".join(x.words) or x.text
+        out += " " * (out[-1:].isalnum() and word[:1].isalnum())
+        places.append((len(out), len(out) + len(word), x.start, x.end))
+        out, at = out + word, x.end
+    return Gloss(out + text[at:], places)
 
 
 def rewritten(text: str) -> str:

@@ -21,12 +21,10 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from ...fem.table import MaterialTable
 from ..encoders.minilm import MAX_TOKENS, MiniLM
 from .clauses import GENERAL, Bound, Clause
 from .english import words as lists
-from .lexing import lex
-from .materials import lexicon_of
+from .lexing import Gloss, Lexed
 from .parts import places
 
 WEIGHTS = Path(__file__).parents[1] / "weights" / "tagger.safetensors"
@@ -81,6 +79,9 @@ def asked(question: Sequence[int], text: Sequence[int]) -> tuple[list[int], int]
     """Tokens of a question and a text, and how many of them stand before the text."""
     head = [CLS, *question[:LONGEST_QUESTION], SEP]
     return [*head, *text, SEP], len(head)
+
+
+Place = tuple[int, int]  # where words start and end
 
 
 class Words(NamedTuple):
@@ -146,9 +147,11 @@ class Tagger(MiniLM):
                 self._weights[name] = self._weights[name] + weight @ found[f"down.{name}"]
         self._role = found["role.weight"].T, found["role.bias"]
 
-    def said(self, names: Sequence[str], text: str) -> list[Said]:
-        """What a text says of each part, by their names."""
-        encoded = self._tokenizer.encode(text, add_special_tokens=False)
+    def said(self, names: Sequence[str], text: str, gloss: Gloss | None = None) -> list[Said]:
+        """What a text says of each part, by their names.
+
+        Of a text of another language its English ``gloss`` is asked about too, and the mean taken.
+        """
         said, names = {*re.findall(r"\d+", text)}, without_prefix(names)
         if len(names) > MANY:  # those that only a number tells apart are asked about once
             names = [n if {*re.findall(r"\d+", n)} & said else _LAST.sub("", n) for n in names]
@@ -157,11 +160,43 @@ class Tagger(MiniLM):
         alike: dict[str, str] = {}
         if not said & {*re.findall(r"\d+", " ".join(questions))} and not _APART.search(text):
             questions = [alike.setdefault(_DIGITS.sub("", q), q) for q in questions]
-        asks = {q: self._tokenizer.encode(q, add_special_tokens=False).ids for q in questions}
-        found = dict(zip(asks, self._roles([*asks.values()], encoded.ids), strict=True))
-        words = words_of(text)
-        decided = {q: _decoded(text, words, encoded.offsets, p) for q, p in found.items()}
+        asks, words = [*dict.fromkeys(questions)], words_of(text)
+        found = self._of_words(asks, text, words)
+        if gloss is not None:
+            there = words_of(gloss.text)
+            others = self._of_words(asks, gloss.text, there)
+            same = [  # words of the gloss that stand for a word
+                [
+                    k for k, (c, d) in enumerate(there)
+                    if any(e < d and c < f and g < b and a < h for e, f, g, h in gloss.places)
+                ]
+                for a, b in words
+            ]  # fmt: skip
+            for k, own in enumerate(same):
+                if own:
+                    found[:, k] = (found[:, k] + others[:, own].mean(axis=1)) / 2
+        decided = {q: _decoded(text, words, p) for q, p in zip(asks, found, strict=True)}
         return [decided[q] for q in questions]
+
+    def _of_words(
+        self, asks: Sequence[str], text: str, words: Sequence[Place]
+    ) -> Float[np.ndarray, "asks words roles"]:
+        """Chances of the roles of a text's words: the mean over their pieces."""
+        encoded = self._tokenizer.encode(text, add_special_tokens=False)
+        ids = [self._tokenizer.encode(ask, add_special_tokens=False).ids for ask in asks]
+        pieces = np.array(self._roles(ids, encoded.ids)).reshape(len(asks), -1, len(ROLES))
+        out = np.zeros((len(asks), len(words), len(ROLES)), np.float32)
+        out[..., 0] = 1.0
+        at = 0
+        for k, (start, end) in enumerate(words):
+            own = []
+            while at < len(encoded.offsets) and encoded.offsets[at][0] < end:
+                own += [at] if encoded.offsets[at][1] > start else []
+                at += 1
+            said = [i for i in own if any(c.isalnum() for c in text[slice(*encoded.offsets[i])])]
+            if own:
+                out[:, k] = pieces[:, said or own].mean(axis=1)
+        return out
 
     def _roles(
         self, asks: Sequence[Sequence[int]], text: Sequence[int]
@@ -200,32 +235,18 @@ class Tagger(MiniLM):
         return out
 
 
-def words_of(text: str) -> list[tuple[int, int]]:
+def words_of(text: str) -> list[Place]:
     """Where the words of a text stand, and its signs."""
     return [(m.start(), m.end()) for m in _WORD.finditer(text)]
 
 
-def _decoded(
-    text: str,
-    words: Sequence[tuple[int, int]],
-    offsets: Sequence[tuple[int, int]],
-    p: Float[np.ndarray, "tokens roles"],
-) -> Said:
+def _decoded(text: str, words: Sequence[Place], chances: Float[np.ndarray, "words roles"]) -> Said:
     """Roles of whole words: what a part is of where these two are likelier than all others."""
     found: list[Words] = []
-    each: list[float] = []
-    least, within, at = 1.0, 1.0, 0
-    for start, end in words:
-        each.append(0.0)
-        own = []
-        while at < len(offsets) and offsets[at][0] < end:
-            own += [at] if offsets[at][1] > start else []
-            at += 1
-        said = [i for i in own if any(c.isalnum() for c in text[slice(*offsets[i])])]
-        if not own:
-            continue
-        mean = p[said or own].mean(axis=0)
-        matter = each[-1] = float(mean[1] + mean[2])
+    least, within = 1.0, 1.0
+    each = chances[:, 1] + chances[:, 2]
+    for (start, end), mean, matter in zip(words, chances, each, strict=True):
+        said = any(c.isalnum() for c in text[start:end])
         if said:
             least = min(least, max(matter, 1 - matter))
         if said and matter > 0.5:
@@ -240,7 +261,7 @@ def _decoded(
             found[-1] = found[-1]._replace(end=end)
         else:
             found.append(Words(ROLES[role], start, end))
-    return Said(tuple(found), float(least), float(within), tuple(each))
+    return Said(tuple(found), float(least), float(within), tuple(map(float, each)))
 
 
 def _kin(a: str, b: str) -> bool:
@@ -261,7 +282,6 @@ def load_tagger() -> Tagger:
 # file's order keeps the best, and the chance of a stretch is the share of those that have it.
 # ``benchmarks/sharing.py`` fits the weights.
 
-Place = tuple[int, int]
 HEARD = 0.3  # chance from which a word may be of a matter
 KEPT = 40  # assignments, from one part to the next
 MOST = 2000  # pairs of a part and a stretch; beyond, each part is heard alone
@@ -310,28 +330,51 @@ def stretches(text: str, every: Sequence[Said], matters: Sequence[Place]) -> lis
 
 
 def shared_out(
-    every: Sequence[Said], bound: Bound, names: Sequence[str], table: MaterialTable
+    every: Sequence[Said], bound: Bound, names: Sequence[str], lexed: Lexed
 ) -> list[Said]:
     """What is said of each part, with a stretch in place of its words where that is likelier.
 
     every: What the tagger says of each part alone.
     bound: What the grammar read.
     names: Those of the parts, without what all begin with.
-    table: Whose rows are materials.
+    lexed: The text's words, of which some name materials and numbers.
+    """
+    text, said = bound.sentence.text, list[Said]()
+    found, chances = chances_of(every, bound, names, lexed)
+    for own, likely in zip(every, chances, strict=True):
+        best = int(likely.argmax())
+        spans = [(w.start, w.end) for w in own.words if w.role in ("matter", "number")]
+        mine = [any(_over((s.start, s.end), x) for x in spans) for s in found]
+        if best == len(found) or mine[best]:
+            share = float(likely[:-1][mine].sum() if any(mine) else likely[-1])
+            said.append(replace(own, share=share))
+            continue
+        start, end, p = found[best].start, found[best].end, float(likely[best])
+        words = Words("matter", start, start + len(text[start:end].rstrip(".,;:!?")))
+        others = (w for w in own.words if w.role not in ("matter", "number", "relation"))
+        anew = tuple(sorted((*others, words), key=lambda w: w.start))
+        said.append(Said(anew, p, p, own.matter, p, moved=True))
+    return said
+
+
+def chances_of(
+    every: Sequence[Said], bound: Bound, names: Sequence[str], lexed: Lexed
+) -> tuple[list[Stretch], Float[np.ndarray, "parts options"]]:
+    """Stretches of a text and their chances for each part; the last one is that of none.
+
+    Parameters as of `shared_out`.
     """
     weights, text = load_sharing(), bound.sentence.text
-    lexemes = lex(text, lexicon_of(table), names).lexemes
-    matters = [(x.start, x.end) for x in lexemes if x.role == "material"]
-    numbers = [(x.start, x.end) for x in lexemes if x.role == "number"]
+    matters = [(x.start, x.end) for x in lexed.lexemes if x.role == "material"]
+    numbers = [(x.start, x.end) for x in lexed.lexemes if x.role == "number"]
     found = stretches(text, every, [*matters, *numbers])
     # Parts that were asked about at once have one answer
     first = [next(j for j in range(i + 1) if every[j] is said) for i, said in enumerate(every)]
     asked = [*dict.fromkeys(first)]
     if not found or len(asked) * len(found) > MOST:
-        return [*every]
-    chance = np.array(
-        [[np.mean(every[i].matter[s.first : s.last + 1]) for s in found] for i in asked]
-    )
+        return [], np.ones((len(every), 1))
+    every_word = np.array([every[i].matter for i in asked])
+    chance = np.stack([every_word[:, s.first : s.last + 1].mean(axis=1) for s in found], axis=1)
     odds = np.clip(chance, *SURE)
     score = weights["tagger"] * np.log(odds / (1 - odds))
     for row, i in enumerate(asked):
@@ -347,23 +390,9 @@ def shared_out(
             score[row] += np.where(by_name, weights["named"], -weights["named_another"])
     listed = np.array([any(_over((s.start, s.end), x) for x in matters) for s in found])
     heard = np.maximum(chance.max(axis=0), weights["listed"] * listed)
-    post = _chances(score, weights["unclaimed"] * heard, [_kind(names[i]) for i in asked], weights)
-    said = list[Said]()
-    for i, own in enumerate(every):
-        likely = post[asked.index(first[i])]
-        best = int(likely.argmax())
-        spans = [(w.start, w.end) for w in own.words if w.role in ("matter", "number")]
-        mine = [any(_over((s.start, s.end), x) for x in spans) for s in found]
-        if best == len(found) or mine[best]:
-            share = float(likely[:-1][mine].sum() if any(mine) else likely[-1])
-            said.append(replace(own, share=share))
-            continue
-        start, end, p = found[best].start, found[best].end, float(likely[best])
-        words = Words("matter", start, start + len(text[start:end].rstrip(".,;:!?")))
-        others = (w for w in own.words if w.role not in ("matter", "number", "relation"))
-        anew = tuple(sorted((*others, words), key=lambda w: w.start))
-        said.append(Said(anew, p, p, own.matter, p, moved=True))
-    return said
+    kinds = [_kind(names[i]) for i in asked]
+    chances = _chances(score, weights["unclaimed"] * heard, kinds, weights)
+    return found, chances[[asked.index(i) for i in first]]
 
 
 def _chances(
