@@ -8,7 +8,7 @@ from __future__ import annotations
 from .fem.note import speak_by
 from .fem.registry import on_first_use
 
-speak_by("autophyx_tet.toolkit.verdict.sentences", "template")
+speak_by("autophyx_tet.toolkit.verdict", "template")
 __version__ = "0.1.0"
 
 # Public name -> module that owns it.

@@ -41,8 +41,8 @@ class Bounded(NamedTuple):
     clamped: np.ndarray
 
 
-def bounded(F: Float[np.ndarray, "m 3 3"], most: float = STRETCH) -> Bounded:
-    """Gradients of which none stretches by more than ``most`` [1].
+def bounded(F: Float[np.ndarray, "m 3 3"]) -> Bounded:
+    """Gradients of which none stretches by more than ``STRETCH`` [1].
 
     Examples
     --------
@@ -51,12 +51,12 @@ def bounded(F: Float[np.ndarray, "m 3 3"], most: float = STRETCH) -> Bounded:
     >>> bounded(np.diag([5.0, 1.0, 0.5])[None]).F[0].diagonal().round(9).tolist()
     [3.0, 1.0, 0.5]
     """
-    clamped = np.sqrt((F**2).sum(axis=(1, 2))) > most  # no stretch is larger than that
+    clamped = np.sqrt((F**2).sum(axis=(1, 2))) > STRETCH  # no stretch is larger than that
     if clamped.any():
         left, sizes, right = np.linalg.svd(F[clamped])
         F = F.copy()
-        F[clamped] = (left * np.minimum(sizes, most)[:, None]) @ right
-        clamped[clamped] = sizes[:, 0] > most
+        F[clamped] = (left * np.minimum(sizes, STRETCH)[:, None]) @ right
+        clamped[clamped] = sizes[:, 0] > STRETCH
     return Bounded(F, clamped)
 
 

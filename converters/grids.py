@@ -319,6 +319,7 @@ NERFACC = Format("nerfacc state", (".pt", ".pth", ".ckpt", ".safetensors"), read
 
 # Closed surfaces where a density falls below a level, their insides solid.
 
+CELLS = 96  # along the longest side
 PAD = 4  # empty cells around, for the closing of holes
 _HALF = 0.5  # of a radiance field's median density, where it states no threshold
 _GAP = 3  # cells: holes of a shell up to twice this wide are bridged, if that encloses something
@@ -327,9 +328,9 @@ _ENCLOSED = 0.9  # of the largest volume that any bridging encloses is as good a
 _NEXT = 16  # places of a shell that tell how deep below its outer surface they lie
 
 
-def density_surface(source: DensityGrid, *, cells: int = 96) -> trimesh.Trimesh:
+def density_surface(source: DensityGrid) -> trimesh.Trimesh:
     """Closed surface [m] of a density grid at its threshold, its inside solid."""
-    grid = Grid.around(source.occupied_box(), cells=cells, pad=PAD)
+    grid = Grid.around(source.occupied_box(), cells=CELLS, pad=PAD)
     level = max(source.threshold, _HALF * float(np.median(source.density[source.density > 0])))
     return isosurface(source.on_grid(grid), grid, level=level)
 

@@ -252,8 +252,7 @@ def displacement_interval(scene: Scene, result: SagResult, ranges: RangeFactors)
     """
     if result.static.law != Law.LINEAR or not result.trusted:
         return None
-    loads: dict[str, Any] = {"traction": scene.tractions, "forces": scene.forces}
-    loads |= {"gravity_vector": scene.gravity_vector, "order": _order_of(scene.mesh)}
+    loads: dict[str, Any] = scene.loads | {"order": _order_of(scene.mesh)}
     material = material_of(scene.mesh)
 
     def largest(E: np.ndarray | float, rho: np.ndarray | float) -> float:
@@ -283,8 +282,7 @@ def load_factor_interval(scene: Scene, result: SagResult, ranges: RangeFactors) 
         return None
     if not known.value * ranges.soft.min() / ranges.heavy.max() < NEARBY:
         return None
-    loads: dict[str, Any] = {"traction": scene.tractions, "forces": scene.forces}
-    loads |= {"gravity_vector": scene.gravity_vector, "order": _order_of(scene.mesh)}
+    loads: dict[str, Any] = scene.loads | {"order": _order_of(scene.mesh)}
     one, factors = np.ones(1), []
     ends = ((one, one), (ranges.soft, ranges.heavy), (ranges.stiff, ranges.light))
     try:

@@ -17,8 +17,16 @@ from .grid import PartVoxels
 from .partition import alike, merged
 from .prediction import Numbered, PartChoice, Prediction
 from .predictor import PREDICTORS, Predictor
-from .regions.division import Regions, apart, cut, region_name, region_numbers
-from .regions.pieces import carve, divided, of_matters
+from .regions.division import (
+    Regions,
+    apart,
+    carve,
+    cut,
+    divided,
+    of_matters,
+    region_name,
+    region_numbers,
+)
 from .resolve.resolve import RetrievalPredictor, lookup_of
 from .text.clauses import Bound, BoundPart
 

@@ -51,7 +51,6 @@ class Predictor(Protocol):
         up: The axis that points up.
         alpha: Place of E in its range, 0 (soft) to 1 (stiff); None follows words such as "soft".
         """
-        ...
 
 
 PREDICTORS: Registry[type[Predictor]] = Registry(

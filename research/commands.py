@@ -2,15 +2,77 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import tyro
 
 from ..toolkit.cli import terminal
 from ..toolkit.options import Common, FeatureOptions, Flat, Output
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+
+# What a terminal shows of their documents.
+
+
+def _scores(rows: Sequence[Mapping[str, Any]]) -> Table:
+    """A table of the columns of one word or number a row; those without any are left out."""
+    plain = (str, int, float, type(None))
+    columns = {name: [row[name] for row in rows] for name in rows[0]}
+    return terminal.table(
+        rows,
+        {
+            name: name.replace("_", " ")
+            for name, cells in columns.items()
+            if all(isinstance(cell, plain) for cell in cells) and any(c is not None for c in cells)
+        },
+    )
+
+
+def _dataset(document: terminal.Document) -> terminal.Shown:
+    """What was built."""
+    yield f"{document['clauses']:,} clauses, {document['real_objects']:,} real objects"
+
+
+def _samples(document: terminal.Document) -> terminal.Shown:
+    """What was drawn of a data set."""
+    for sample in document["samples"]:
+        yield f"{sample['object']}: {'; '.join(sample['clauses'])}"
+
+
+def _audit(document: terminal.Document) -> terminal.Shown:
+    """Outcomes, reasons and biases of an audit of ranges."""
+    for key in ("shares", "reasons", "biases"):
+        if document[key]:
+            yield _scores(document[key])
+
+
+def _training(document: terminal.Document) -> terminal.Shown:
+    """How long it took."""
+    yield f"trained for {document['steps']:,} steps"
+
+
+def _evaluation(document: terminal.Document) -> terminal.Shown:
+    """A row a predictor; of natural sentences also how often what was said to be sure was right."""
+    if "calibration" not in document:
+        yield _scores(document["rows"])
+        return
+    yield terminal.table(
+        document["rows"], {name: name.replace("_", " ") for name in document["rows"][0]}
+    )
+    said = {"said": "said to be right", "right": "was right", "objects": "objects"}
+    yield terminal.table(document["calibration"], said)
+    from ..toolkit.verdict.checks import percent
+
+    yield (
+        f"{percent(document['clauses_read'])} of the materials were read, "
+        f"{percent(document['foreign'])} of the volume got one of no clause, "
+        f"{document['left_whole']} things were left whole"
+    )
 
 
 @dataclass(frozen=True)
@@ -51,7 +113,7 @@ class DatasetCommand:
     @property
     def shown(self) -> Callable[[terminal.Document], terminal.Shown]:
         """What a terminal shows of the document."""
-        shown = {"build": terminal.dataset, "show": terminal.samples, "audit": terminal.audit}
+        shown = {"build": _dataset, "show": _samples, "audit": _audit}
         return shown.get(self.action, terminal.nothing)
 
     def __call__(self) -> dict[str, Any]:
@@ -114,7 +176,7 @@ class TrainCommand:
     """Weights to begin with."""
     common: Flat[Common] = field(default_factory=Common)
 
-    shown = staticmethod(terminal.training)
+    shown = staticmethod(_training)
 
     def __call__(self) -> dict[str, Any]:
         """Run the command and return its document."""
@@ -165,7 +227,7 @@ class EvaluateCommand:
     """Look again and remember nothing."""
     common: Flat[Common] = field(default_factory=Common)
 
-    shown = staticmethod(terminal.evaluation)
+    shown = staticmethod(_evaluation)
 
     def __call__(self) -> dict[str, Any]:
         """Run the command and return its document."""

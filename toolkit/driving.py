@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from ..converters.files import writing_folder
+from ..converters.registry import POINT_FORMATS, format_of
 from ..fem.errors import InputError, UsageError
 from ..fem.mesh import TetMesh
 from ..fem.note import Note
@@ -182,9 +184,7 @@ def drive(
     Raises InputError: Where the carrier cannot be read, or has no points.
     """
     from ..converters.embedding import Driven
-    from ..converters.files import writing_folder
     from ..converters.points.table import read_points, write_points
-    from ..converters.registry import POINT_FORMATS, format_of
 
     form, suffix, warnings = format_of(carrier, POINT_FORMATS), carrier.suffix, []
     if form.write is None:

@@ -24,10 +24,13 @@ from ..predictors.appearance.features import (
     VoxelFeatures,
     cell_appearance,
     features_of_views,
+    matter_bounds,
+    render_grid,
 )
 from ..predictors.appearance.features import features as features_of
 from ..predictors.appearance.segmentation import Segmentation, best_segmentation
 from ..predictors.appearance.surface import GREY, OPAQUE, density_of_points
+from ..predictors.appearance.views import hemisphere, load_photographs
 from ..predictors.asset import Asset
 from ..predictors.encoders import ImageEncoder, load_encoder, speaking_encoder
 from ..predictors.grid import Grid, PartVoxels
@@ -216,9 +219,7 @@ def features(
     InputError
         Where the asset cannot be read, an output not written, or the encoder's weights are absent.
     """
-    from ..predictors.appearance.features import matter_bounds, render_grid
     from ..predictors.appearance.radiance import fit_radiance
-    from ..predictors.appearance.views import hemisphere, load_photographs
     from .asset.load import load_asset
 
     options = with_given(options or FeatureOptions(), given, verb="features").checked()

@@ -13,9 +13,19 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..fem.device import start_warp
 from ..fem.solve.method import SCENARIOS
+from ..fem.table import (
+    load_colours,
+    load_contents,
+    load_flows,
+    load_grains,
+    load_strengths,
+    load_table,
+)
 from ..predictors.asset import Asset
 from .asset.document import check_mesh, check_run, mesh_document
+from .meshing import PARTICLES, STUFFING, chosen_mesher
 from .options import ConvertOptions, SimulateOptions
 
 PACKAGE = "autophyx-tet"
@@ -55,15 +65,6 @@ def materials(query: str = "", *, contents: bool = False) -> dict[str, Any]:
     >>> oak["category"], oak["rho"][0] < oak["rho"][1] < 1000  # kg/m^3: it swims
     ('wood', True)
     """
-    from ..fem.table import (
-        load_colours,
-        load_contents,
-        load_flows,
-        load_grains,
-        load_strengths,
-        load_table,
-    )
-
     table = load_contents() if contents else load_table()
     rows = table.search(query) if query else list(table.rows)
     if not rows:
@@ -150,8 +151,6 @@ def doctor() -> dict[str, Any]:
     missing = [name for name, found in libraries.items() if found is None]
     devices = []
     if "warp-lang" not in missing:
-        from ..fem.device import start_warp
-
         devices = [
             {"name": str(one), "what": one.name, "memory": getattr(one, "total_memory", None)}
             for one in start_warp().get_devices()
@@ -282,7 +281,6 @@ def plan(
 def _cost(asset: Asset, options: ConvertOptions) -> tuple[dict[str, float], dict[str, float]]:
     """Tets and seconds of a core that converting takes."""
     from .meshing.ftetwild import EDGE_LENGTH_REL, TETS_PER_CUBE, EngineTarget
-    from .meshing.meshers import PARTICLES, STUFFING, chosen_mesher
 
     diagonal, faces = float(np.linalg.norm(asset.size)), _faces(asset)
     if chosen_mesher(options.mesher, sampled=asset.sampled) in (STUFFING, PARTICLES):

@@ -23,7 +23,7 @@ from ..fem.solve.method import SCENARIOS
 from ..predictors.encoders import ENCODERS, check_encoder
 from ..predictors.predictor import PREDICTORS
 from .asset import Unit, path_of
-from .meshing.meshers import AUTO, MESHERS, OR_PARTICLES, STUFFING
+from .meshing import AUTO, MESHERS, OR_PARTICLES, STUFFING
 
 # What a stage of progress begins with that says how long a run will take: it is always shown.
 EXPECTED = "expected: "

@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..converters import npz
+from ..converters.files import alone
 from ..fem.errors import InputError
 from ..fem.mesh import TetMesh
 from ..fem.note import Note, severity_of
@@ -28,7 +30,7 @@ from .asset.document import (
     now,
     read_known,
 )
-from .meshing.meshers import AUTO, OR_PARTICLES
+from .meshing import AUTO, OR_PARTICLES
 from .options import (
     EXPECTED,
     AssignOptions,
@@ -296,7 +298,6 @@ def _read(
 
 def _written(result: Assignment, output: Path | None, field_output: Path | None) -> Assignment:
     """Write the mesh with its sidecar, and the field; the files are on record."""
-    from ..converters import npz
     from ..converters.mesh.meshdata import write_mesh
 
     files: tuple[Path, ...] = ()
@@ -357,7 +358,6 @@ def run(
     AutophyxError
         What the single verbs raise.
     """
-    from ..converters.files import alone
     from .report.pages import write_folder
     from .report.picture import SUFFIXES, write_picture
     from .walls import with_named_walls

@@ -12,7 +12,7 @@ from jaxtyping import Float, Int
 from ..fem.mesh import TetMesh
 from ..predictors.appearance.features import Appearance, cell_appearance, fill
 from ..predictors.appearance.surface import skin_of, surface_voxels
-from ..predictors.asset import Asset, UpAxis, upright
+from ..predictors.asset import Asset, Part, PlainMesh, UpAxis, upright
 from ..predictors.grid import Grid, PartVoxels
 from ..predictors.matter import LOOK
 from ..predictors.regions.division import Regions, apart, cut, region_name, region_numbers
@@ -103,8 +103,6 @@ def cut_voxels(asset: Asset, voxels: PartVoxels, *, up: UpAxis) -> Regions:
 
 def in_one(asset: Asset) -> Asset:
     """Regions of one thing as that thing again: where it was cut there is no surface."""
-    from ..predictors.asset import Part, PlainMesh
-
     if region_numbers(asset.part_names) is None:
         return asset
     before = np.cumsum([0, *(len(part.mesh.vertices) for part in asset.parts)])
@@ -173,7 +171,6 @@ def segment(
     from trimesh.remesh import subdivide_to_size
     from trimesh.triangles import points_to_barycentric
 
-    from ..predictors.asset import Part
     from .asset.load import load_asset
 
     output = path_of(output)

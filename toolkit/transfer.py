@@ -10,8 +10,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..converters.mesh.meshdata import grain_words, lost_words
-from ..converters.registry import Keeps
+from ..converters import npz
+from ..converters.mesh.meshdata import grain_words, lost_words, read_mesh
+from ..converters.registry import (
+    GRID_FORMATS,
+    MESH_FORMATS,
+    POINT_FORMATS,
+    PROGRAMS,
+    Keeps,
+    written,
+)
 from ..fem.errors import InputError, UsageError
 from ..fem.grain import grained_parts, parts_of_grain, with_grains
 from ..fem.mesh import TetMesh, material_of
@@ -137,7 +145,6 @@ def transfer(
     >>> read_points("jelly.ply").columns["E"].round(1).tolist()  # Pa
     [100000.0]
     """
-    from ..converters.registry import GRID_FORMATS, POINT_FORMATS, written
     from ..converters.transfer import append_material, field_from_tets, is_density
 
     options = with_given(options or TransferOptions(), given, verb="transfer")
@@ -222,9 +229,7 @@ def export(
     >>> round(read_mesh("jelly.msh").mass, 6)  # kg: rho V
     1000.0
     """
-    from ..converters.mesh.meshdata import read_mesh
     from ..converters.programs.export import export_mesh
-    from ..converters.registry import PROGRAMS
 
     options = with_given(options or ExportOptions(), given, verb="export")
     output = path_of(output)
@@ -273,9 +278,6 @@ def export(
 
 def _read_source(path: Path) -> MaterialField | TetMesh:
     """Read a field or a mesh; other columns of points with E, nu, rho become a field."""
-    from ..converters import npz
-    from ..converters.mesh.meshdata import read_mesh
-    from ..converters.registry import MESH_FORMATS, POINT_FORMATS
     from ..converters.transfer import read_field_points
 
     suffix = path.suffix.lower()

@@ -231,7 +231,7 @@ def far_offset(mesh: TetMesh) -> Float[np.ndarray, "3"]:
     return mesh.bounds.mean(axis=0) if step > COARSEST * shortest else np.zeros(3)
 
 
-def from_meshio(source: meshio.Mesh, names: Mapping[int, str] | None = None) -> MeshData:
+def from_meshio(source: meshio.Mesh) -> MeshData:
     """Keep the tets of a meshio mesh with their data; other cells are counted in ``ignored``."""
     blocks = [i for i, block in enumerate(source.cells) if block.type in ("tetra", "tetra10")]
     ignored: dict[str, int] = {}
@@ -240,8 +240,8 @@ def from_meshio(source: meshio.Mesh, names: Mapping[int, str] | None = None) -> 
             ignored[block.type] = ignored.get(block.type, 0) + len(block.data)
     # Of quadratic ones the corners
     tets = [np.asarray(source.cells[i].data)[:, :4] for i in blocks]
-    if names is None:  # meshio keeps Gmsh's physical names as {name: [tag, dimension]}
-        names = {int(v[0]): k for k, v in source.field_data.items() if len(v) == 2 and v[1] == 3}
+    # Gmsh's physical names, which meshio keeps as {name: [tag, dimension]}
+    names = {int(v[0]): k for k, v in source.field_data.items() if len(v) == 2 and v[1] == 3}
     return assemble(
         source.points,
         np.concatenate(tets) if tets else np.empty((0, 4), dtype=np.int32),

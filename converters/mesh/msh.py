@@ -289,17 +289,14 @@ def _data_41(body: bytes, text: bool) -> tuple[str, np.ndarray, np.ndarray]:
     stream = io.BytesIO(body)
 
     def tags() -> list[str]:
-        return [stream.readline().decode("utf-8", "replace").strip() for _ in range(_count(stream))]
+        lines = range(int(stream.readline()))
+        return [stream.readline().decode("utf-8", "replace").strip() for _ in lines]
 
     (name, *_), _, (_, width, rows, *_) = tags(), tags(), map(int, tags())
     row = np.dtype([("id", "<i4"), ("values", "<f8", (width,))])
     table: Any = np.frombuffer(body, row, rows, stream.tell())
     values = table["values"] if width > 1 else table["values"][:, 0]
     return unquote(name.strip('"')), table["id"].astype(np.int64), values
-
-
-def _count(stream: io.BytesIO) -> int:
-    return int(stream.readline())
 
 
 def _volume_names(section: str) -> dict[int, str]:

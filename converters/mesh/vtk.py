@@ -464,13 +464,7 @@ PVD_WANTED = Note("vtk.paraview_pvd")
 TimedFields = tuple[float, Mapping[str, np.ndarray]]
 
 
-def write_pvd(
-    path: str | os.PathLike,
-    mesh: TetMesh,
-    frames: Iterable[TimedFields],
-    *,
-    cell_data: Arrays | None = None,
-) -> list[Path]:
+def write_pvd(path: str | os.PathLike, mesh: TetMesh, frames: Iterable[TimedFields]) -> list[Path]:
     """Write frames (time [s], point arrays such as ``displacement``) of one mesh as they come.
 
     Frame i goes to ``STEM_0000i.vtu`` beside the index; all appear when all are written. Returns
@@ -481,7 +475,7 @@ def write_pvd(
         entries, names = [], [path.name]
         for i, (time, point_data) in enumerate(frames):
             names.append(f"{path.stem}_{i:05d}.vtu")
-            write_vtk(folder / names[-1], mesh, point_data=point_data, cell_data=cell_data)
+            write_vtk(folder / names[-1], mesh, point_data=point_data)
             entries.append(f'<DataSet timestep="{float(time)!r}" file={quoteattr(names[-1])}/>')
         if not entries:
             raise InputError("vtk.series_needs", name=path.name)

@@ -319,7 +319,7 @@ def _u(value: int, count: int) -> bytes:
     return value.to_bytes(count, "little")
 
 
-def write_mp4(path: Path, source: Path, fps: float = FPS) -> Path | None:
+def write_mp4(path: Path, source: Path) -> Path | None:
     """Write a film (.webp) as .mp4 beside it; None without ``imageio-ffmpeg`` (extra film)."""
     try:
         import imageio_ffmpeg
@@ -328,7 +328,7 @@ def write_mp4(path: Path, source: Path, fps: float = FPS) -> Path | None:
     from PIL import Image, ImageSequence
 
     with Image.open(source) as film:
-        options: Any = {"fps": fps, "codec": "libx264", "quality": 8, "macro_block_size": 2}
+        options: Any = {"fps": FPS, "codec": "libx264", "quality": 8, "macro_block_size": 2}
         writer = imageio_ffmpeg.write_frames(str(path), film.size, **options)
         writer.send(None)
         for frame in ImageSequence.Iterator(film):

@@ -7,7 +7,7 @@ from typing import Any
 
 import warp as wp
 
-from ..laws.kernels_tensor import volume_change
+from ..laws.kernels_tensor import Doubles, Ints, volume_change
 from ..laws.neo_hookean import energy_and_stress
 from .boundaries import Touch
 from .kernels_transfer import APART, LOST, OPTIONS, stretch_functions, transfer_functions, types_of
@@ -29,16 +29,12 @@ def grid_kernels(real: Any) -> SimpleNamespace:
     ``hold`` (nodes, still, slot, grid, impulse) stops nodes with a fraction of stationary mass.
     Of nodes with a ``count`` the first so many are meant.
     """
-    vec3, vec4 = types_of(real).vec3, types_of(real).vec4
+    types = types_of(real)
+    vec3, vec4 = types.vec3, types.vec4
     most = wp.constant(real(FIXED_FRACTION / (1 - FIXED_FRACTION)))
 
     @wp.kernel(module=f"mpm_grid_{real.__name__}", enable_backward=False)
-    def clear(
-        first: int,
-        nodes: wp.array(dtype=int),
-        count: wp.array(dtype=int),
-        grid: wp.array(dtype=vec4),
-    ):
+    def clear(first: int, nodes: Ints, count: Ints, grid: types.Nodes):
         i = first + wp.tid()
         if i < count[0]:
             grid[nodes[i]] = vec4()
@@ -46,12 +42,12 @@ def grid_kernels(real: Any) -> SimpleNamespace:
     @wp.kernel(module=f"mpm_grid_{real.__name__}", enable_backward=False)
     def advance(
         first: int,
-        nodes: wp.array(dtype=int),
-        count: wp.array(dtype=int),
-        grid: wp.array(dtype=vec4),
-        second: wp.array(dtype=vec4),
+        nodes: Ints,
+        count: Ints,
+        grid: types.Nodes,
+        second: types.Nodes,
         gravity: vec3,
-        clock: wp.array(dtype=real),
+        clock: types.Reals,
     ):
         """Gravity first, then the damping: the other way round a damped body sags too far."""
         i = first + wp.tid()
@@ -67,16 +63,16 @@ def grid_kernels(real: Any) -> SimpleNamespace:
 
     @wp.kernel(module=f"mpm_grid_{real.__name__}", enable_backward=False)
     def wall(
-        nodes: wp.array(dtype=int),
-        normals: wp.array(dtype=vec3),
-        velocities: wp.array(dtype=vec3),
+        nodes: Ints,
+        normals: types.Vectors,
+        velocities: types.Vectors,
         mode: int,
         friction: real,
         touching: real,
         slot: int,
-        grid: wp.array(dtype=vec4),
-        impulse: wp.array(dtype=vec3),
-        kick: wp.array(dtype=vec4),
+        grid: types.Nodes,
+        impulse: types.Vectors,
+        kick: types.Nodes,
     ):
         """Separate: v_t max(0, 1 + f v_n / |v_t|) where v_n < 0, relative to the wall.
 
@@ -111,13 +107,7 @@ def grid_kernels(real: Any) -> SimpleNamespace:
                 kick[nodes[i]] += vec4(change[0], change[1], change[2], approach)
 
     @wp.kernel(module=f"mpm_grid_{real.__name__}", enable_backward=False)
-    def hold(
-        nodes: wp.array(dtype=int),
-        still: wp.array(dtype=real),
-        slot: int,
-        grid: wp.array(dtype=vec4),
-        impulse: wp.array(dtype=vec3),
-    ):
+    def hold(nodes: Ints, still: types.Reals, slot: int, grid: types.Nodes, impulse: types.Vectors):
         i = wp.tid()
         q = grid[nodes[i]]
         if q[3] > real(0.0) and still[i] > most * q[3]:
@@ -136,7 +126,7 @@ def rigid_kernels(real: Any) -> SimpleNamespace:
     (first, cloud, bodies) moves their particles. ``Bodies`` is their struct.
     """
     types = types_of(real)
-    Cloud, Frame, vec3, vec4 = types.Cloud, types.Frame, types.vec3, types.vec4
+    Cloud, Frame, vec3 = types.Cloud, types.Frame, types.vec3
     mat33 = types.mat33
     place, inside, _, gather = transfer_functions(real)
 
@@ -144,19 +134,19 @@ def rigid_kernels(real: Any) -> SimpleNamespace:
     class Bodies:
         """Bodies: mass, place of the centre at rest and now, rotation, inertia, momenta, speeds."""
 
-        mass: wp.array(dtype=real)
-        start: wp.array(dtype=vec3)
-        centre: wp.array(dtype=vec3)
-        rotation: wp.array(dtype=mat33)
-        inertia: wp.array(dtype=mat33)
-        momentum: wp.array(dtype=vec3)
-        turning: wp.array(dtype=vec3)
-        push: wp.array(dtype=vec3)
-        torque: wp.array(dtype=vec3)
-        approach: wp.array(dtype=real)
-        extra: wp.array(dtype=vec3)
-        velocity: wp.array(dtype=vec3)
-        spin: wp.array(dtype=vec3)
+        mass: types.Reals
+        start: types.Vectors
+        centre: types.Vectors
+        rotation: types.Tensors
+        inertia: types.Tensors
+        momentum: types.Vectors
+        turning: types.Vectors
+        push: types.Vectors
+        torque: types.Vectors
+        approach: types.Reals
+        extra: types.Vectors
+        velocity: types.Vectors
+        spin: types.Vectors
 
     @wp.func
     def axial(C: mat33):
@@ -164,12 +154,7 @@ def rigid_kernels(real: Any) -> SimpleNamespace:
 
     @wp.kernel(module="unique", enable_backward=False, module_options=OPTIONS)
     def sum_momenta(
-        first: int,
-        cloud: Cloud,
-        frame: Frame,
-        grid: wp.array(dtype=vec4),
-        kick: wp.array(dtype=vec4),
-        bodies: Bodies,
+        first: int, cloud: Cloud, frame: Frame, grid: types.Nodes, kick: types.Nodes, bodies: Bodies
     ):
         p = first + wp.tid()
         g = place(frame, cloud.x[p])
@@ -196,7 +181,7 @@ def rigid_kernels(real: Any) -> SimpleNamespace:
         return R * (wp.inverse(inertia) * (wp.transpose(R) * turning))
 
     @wp.kernel(module="unique", enable_backward=False)
-    def settle(bodies: Bodies, clock: wp.array(dtype=real), rest: real):
+    def settle(bodies: Bodies, clock: types.Reals, rest: real):
         """Stop at walls, then move: by the spin at the start, which momentum then makes anew.
 
         A wall stops the nodes in it, a part of the body's mass: what it gave is scaled until the
@@ -272,16 +257,16 @@ def fly_kernel(real: Any) -> Any:
     @wp.kernel(module="unique", enable_backward=False)
     def fly(
         first: int,
-        rows: wp.array(dtype=int),
+        rows: Ints,
         cloud: Cloud,
         gravity: vec3,
-        clock: wp.array(dtype=real),
+        clock: types.Reals,
         normals: wp.array2d(dtype=vec3),
         heights: wp.array2d(dtype=real),
-        velocities: wp.array(dtype=vec3),
-        modes: wp.array(dtype=int),
-        frictions: wp.array(dtype=real),
-        impulse: wp.array(dtype=vec3),
+        velocities: types.Vectors,
+        modes: Ints,
+        frictions: types.Reals,
+        impulse: types.Vectors,
     ):
         i = first + wp.tid()
         p = rows[i]
@@ -338,27 +323,14 @@ def order_kernels(real: Any) -> SimpleNamespace:
         return wp.vec3i(i, j, k)
 
     @wp.kernel(module=f"mpm_grid_{real.__name__}", enable_backward=False)
-    def key(
-        first: int,
-        span: int,
-        cloud: Cloud,
-        frame: Frame,
-        keys: wp.array(dtype=int),
-        rows: wp.array(dtype=int),
-    ):
+    def key(first: int, span: int, cloud: Cloud, frame: Frame, keys: Ints, rows: Ints):
         p = first + wp.tid()
         n = first_node(frame, place(frame, cloud.x[p]))
         keys[p] = ((span * frame.nx + n[0]) * frame.ny + n[1]) * frame.nz + n[2]
         rows[p] = p
 
     @wp.kernel(module=f"mpm_grid_{real.__name__}", enable_backward=False)
-    def reorder(
-        rows: wp.array(dtype=int),
-        old: Cloud,
-        old_order: wp.array(dtype=int),
-        cloud: Cloud,
-        order: wp.array(dtype=int),
-    ):
+    def reorder(rows: Ints, old: Cloud, old_order: Ints, cloud: Cloud, order: Ints):
         p = wp.tid()
         s = rows[p]
         order[p] = old_order[s]
@@ -380,7 +352,7 @@ def order_kernels(real: Any) -> SimpleNamespace:
             cloud.push[p] = old.push[s]
 
     @wp.kernel(module=f"mpm_grid_{real.__name__}", enable_backward=False)
-    def occupy(cloud: Cloud, frame: Frame, stamp: int, cells: wp.array(dtype=int)):
+    def occupy(cloud: Cloud, frame: Frame, stamp: int, cells: Ints):
         """A cell of one particle has twice the stamp, one of more has that and one."""
         p = wp.tid()
         g = place(frame, cloud.x[p])
@@ -391,14 +363,7 @@ def order_kernels(real: Any) -> SimpleNamespace:
                 wp.atomic_max(cells, at, 2 * stamp + 1)
 
     @wp.kernel(module=f"mpm_grid_{real.__name__}", enable_backward=False)
-    def part(
-        cloud: Cloud,
-        frame: Frame,
-        drift: int,
-        stamp: int,
-        cells: wp.array(dtype=int),
-        count: wp.array(dtype=int),
-    ):
+    def part(cloud: Cloud, frame: Frame, drift: int, stamp: int, cells: Ints, count: Ints):
         """Whether particles share no node with others, however both ``drift`` until asked again."""
         p = wp.tid()
         g = place(frame, cloud.x[p])
@@ -426,14 +391,14 @@ def order_kernels(real: Any) -> SimpleNamespace:
 
     @wp.kernel(module=f"mpm_grid_{real.__name__}", enable_backward=False)
     def reach(
-        x: wp.array(dtype=vec3),
-        alone: wp.array(dtype=int),
+        x: types.Vectors,
+        alone: Ints,
         frame: Frame,
         drift: int,
         stamp: int,
-        marks: wp.array(dtype=int),
-        nodes: wp.array(dtype=int),
-        count: wp.array(dtype=int),
+        marks: Ints,
+        nodes: Ints,
+        count: Ints,
     ):
         """One of the particles of a cell that follow each other does it for all."""
         p = wp.tid()
@@ -489,8 +454,8 @@ def survey_kernel(kind: MaterialClass, real: Any, form: Form = Form.PLAIN) -> An
         stride: int,
         cloud: Cloud,
         frame: Frame,
-        listed: wp.array(dtype=vec3),
-        survey: wp.array(dtype=real),
+        listed: types.Vectors,
+        survey: types.Reals,
     ):
         speed = real(0.0)
         moved = real(0.0)
@@ -595,7 +560,7 @@ def energy_kernel(kind: MaterialClass, real: Any, form: Form = Form.PLAIN) -> An
         density = fluid
 
     @wp.kernel(module="unique", enable_backward=False)
-    def add(first: int, count: int, stride: int, cloud: Cloud, total: wp.array(dtype=wp.float64)):
+    def add(first: int, count: int, stride: int, cloud: Cloud, total: Doubles):
         sum = wp.float64(0.0)
         for p in range(first + wp.tid(), first + count, stride):
             torn = bool(False)  # noqa: UP018 (a plain False is a constant to warp)

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import warp as wp
 
 from ..laws import neo_hookean
-from ..laws.kernels_tensor import volume_change
+from ..laws.kernels_tensor import Ints, volume_change
 from .materials import Form, MaterialClass
 
 OPTIONS = {"max_unroll": 27}
@@ -25,7 +25,7 @@ APART, LOST = 1, 2
 
 
 class Types(NamedTuple):
-    """Types of warp of one precision: ``Cloud`` and ``Frame`` are structs."""
+    """Types of warp of one precision: ``Cloud`` and ``Frame`` are structs, the last are arrays."""
 
     real: Any
     vec3: Any
@@ -33,6 +33,10 @@ class Types(NamedTuple):
     mat33: Any
     Cloud: Any
     Frame: Any
+    Reals: Any
+    Vectors: Any
+    Nodes: Any
+    Tensors: Any
 
 
 @cache
@@ -41,6 +45,8 @@ def types_of(real: Any) -> Types:
     vec3 = wp.types.vector(length=3, dtype=real)
     vec4 = wp.types.vector(length=4, dtype=real)
     mat33 = wp.types.matrix(shape=(3, 3), dtype=real)
+    arrays = [wp.array(dtype=dtype) for dtype in (real, vec3, vec4, mat33)]
+    Reals, Vectors, _, Tensors = arrays
 
     @wp.struct
     class Cloud:
@@ -49,21 +55,21 @@ def types_of(real: Any) -> Types:
         ``alone`` is ``APART`` or ``LOST`` of what flies by itself, else 0.
         """
 
-        x: wp.array(dtype=vec3)
-        rest: wp.array(dtype=vec3)
-        v: wp.array(dtype=vec3)
-        C: wp.array(dtype=mat33)
-        H: wp.array(dtype=mat33)
-        total: wp.array(dtype=mat33)
-        m: wp.array(dtype=real)
-        volume: wp.array(dtype=real)
-        mu: wp.array(dtype=real)
-        lam: wp.array(dtype=real)
-        k: wp.array(dtype=vec3)
-        q: wp.array(dtype=real)
-        body: wp.array(dtype=int)
-        alone: wp.array(dtype=int)
-        push: wp.array(dtype=vec3)
+        x: Vectors
+        rest: Vectors
+        v: Vectors
+        C: Tensors
+        H: Tensors
+        total: Tensors
+        m: Reals
+        volume: Reals
+        mu: Reals
+        lam: Reals
+        k: Vectors
+        q: Reals
+        body: Ints
+        alone: Ints
+        push: Vectors
 
     @wp.struct
     class Frame:
@@ -75,7 +81,7 @@ def types_of(real: Any) -> Types:
         ny: int
         nz: int
 
-    return Types(real, vec3, vec4, mat33, Cloud, Frame)
+    return Types(real, vec3, vec4, mat33, Cloud, Frame, *arrays)
 
 
 @cache
@@ -441,7 +447,7 @@ def transfer_functions(real: Any) -> tuple[Any, Any, Any, Any]:
         )  # fmt: skip
 
     @wp.func
-    def spread(frame: Frame, g: vec3, A: mat33, m: real, v: vec3, grid: wp.array(dtype=vec4)):
+    def spread(frame: Frame, g: vec3, A: mat33, m: real, v: vec3, grid: types.Nodes):
         """Add mass and momentum to the 27 nodes."""
         i = int(g[0])
         j = int(g[1])
@@ -468,7 +474,7 @@ def transfer_functions(real: Any) -> tuple[Any, Any, Any, Any]:
                 grid[at + 2] += w[2, 2] * (mb + real(2.0) * cb)
 
     @wp.func
-    def gather(frame: Frame, g: vec3, grid: wp.array(dtype=vec4)):
+    def gather(frame: Frame, g: vec3, grid: types.Nodes):
         """Velocity (and the fourth entry, averaged) and gradient C from the 27 nodes."""
         i = int(g[0])
         j = int(g[1])
@@ -513,17 +519,11 @@ def scatter_kernel(kind: MaterialClass, real: Any, *, lagrangian: bool, form: Fo
     types = types_of(real)
     place, inside, spread, _ = transfer_functions(real)
     law = class_laws(real)[kind, form]
-    Cloud, Frame, vec4 = types.Cloud, types.Frame, types.vec4
+    Cloud, Frame = types.Cloud, types.Frame
     kept = kind not in (MaterialClass.JELLY, MaterialClass.STATIONARY) or form == Form.TEARING
 
     @wp.kernel(module="unique", enable_backward=False, module_options=OPTIONS)
-    def scatter(
-        first: int,
-        cloud: Cloud,
-        frame: Frame,
-        clock: wp.array(dtype=real),
-        grid: wp.array(dtype=vec4),
-    ):
+    def scatter(first: int, cloud: Cloud, frame: Frame, clock: types.Reals, grid: types.Nodes):
         p = first + wp.tid()
         at = cloud.x[p]
         if wp.static(lagrangian):
@@ -555,16 +555,10 @@ def move_kernel(real: Any, *, lagrangian: bool, carries: bool) -> Any:
     """
     types = types_of(real)
     place, inside, _, gather = transfer_functions(real)
-    Cloud, Frame, vec3, vec4 = types.Cloud, types.Frame, types.vec3, types.vec4
+    Cloud, Frame, vec3 = types.Cloud, types.Frame, types.vec3
 
     @wp.kernel(module="unique", enable_backward=False, module_options=OPTIONS)
-    def move(
-        first: int,
-        cloud: Cloud,
-        frame: Frame,
-        clock: wp.array(dtype=real),
-        grid: wp.array(dtype=vec4),
-    ):
+    def move(first: int, cloud: Cloud, frame: Frame, clock: types.Reals, grid: types.Nodes):
         p = first + wp.tid()
         x = cloud.x[p]
         at = x
@@ -594,10 +588,11 @@ def move_kernel(real: Any, *, lagrangian: bool, carries: bool) -> Any:
 @cache
 def push_kernel(real: Any) -> Any:
     """Kernel (first, cloud, clock): velocities grow by the accelerations ``cloud.push``."""
-    Cloud = types_of(real).Cloud
+    types = types_of(real)
+    Cloud = types.Cloud
 
     @wp.kernel(module="unique", enable_backward=False)
-    def push(first: int, cloud: Cloud, clock: wp.array(dtype=real)):
+    def push(first: int, cloud: Cloud, clock: types.Reals):
         p = first + wp.tid()
         cloud.v[p] = cloud.v[p] + clock[0] * cloud.push[p]
 

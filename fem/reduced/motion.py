@@ -155,7 +155,7 @@ def enriched(
     missed: Float[np.ndarray, "frames nodes 3"],
     *,
     joining: int = JOINING,
-    most_cells: int = CELLS[-1],
+    most_cells: int,
 ) -> ReducedModel:
     """Model of the held body of ``scene``, with principal components of what a motion ``missed``.
 
@@ -663,9 +663,7 @@ class ReducedMethod:
         model = reduce_body(
             scene.mesh,
             scene.supports,
-            gravity_vector=scene.gravity_vector,
-            traction=scene.tractions,
-            forces=scene.forces,
+            **scene.loads,
             order=order,
             kind=self.kind,
             derived=DERIVED_IN_MOTION,

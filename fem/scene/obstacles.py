@@ -23,11 +23,9 @@ class Obstacle(Protocol):
     @property
     def velocity(self) -> Sequence[float]:
         """Velocity [m/s], shape (3,)."""
-        ...
 
     def distance(self, x: np.ndarray) -> Distance:
         """Distance of positions ``x`` (n, 3) [m] from the obstacle at time 0."""
-        ...
 
 
 def _from(away: np.ndarray, radius: float = 0.0) -> Distance:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -103,6 +103,12 @@ class Scene:
     def held(self) -> Supports:
         """What holds the body, on the points of the mesh."""
         return self.supports or Supports.none(len(self.mesh.points))
+
+    @property
+    def loads(self) -> dict[str, Any]:
+        """What acts on the body, as ``solve_static`` takes it."""
+        dead = {"gravity_vector": self.gravity_vector, "forces": self.forces}
+        return dead | {"traction": self.tractions}
 
     @property
     def height(self) -> float:

@@ -75,19 +75,14 @@ class StaticMethod:
         if not (acts or (scene.forces is not None and np.any(scene.forces))):
             raise UsageError("equilibrium.nothing_acts")
         warnings = [*scene.warnings]
-        loads = {
-            "gravity_vector": scene.gravity_vector,
-            "traction": scene.tractions,
-            "forces": scene.forces,
-            "device": device,
-        }
+        loads = scene.loads | {"device": device}
         solve = partial(solve_static, scene.mesh, scene.held, **loads)
         static = solve(order=order)
-        found = find_discretisation_error(static, scene.held, solve, **loads)
+        error = find_discretisation_error(static, scene.held, solve, **loads).relative
         static = replace(static, cycle=None)  # and its memory
         why = None if law is None else Note("equilibrium.law_asked")
         if law is None:
-            why = _beyond_linear(static, scene, found.relative.value)
+            why = _beyond_linear(static, scene, error.value)
         elif not LAWS[law].finite:
             why = None
         factor, unmade, trusted = None, "", True
@@ -115,15 +110,13 @@ class StaticMethod:
             scene.height,
             largest,
             largest / scene.longest,
-            found.relative,
+            error,
             np.asarray(scene.held.fixed.any(axis=1)),
             tuple(warnings),
             load_factor=factor,
             load_factor_unmade=unmade,
             trusted=trusted,
             assumed=scene.held.assumed,
-            error_shares=found.shares,
-            reaction_error=found.reaction,
         )
 
 

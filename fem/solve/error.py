@@ -139,12 +139,8 @@ def refine_scene(scene: Scene, goal: float, *, device: str = "cpu") -> Refined:
 
     Raises ConvergenceError: If a body of the series is not held.
     """
-    loads: dict[str, Any] = {
-        "gravity_vector": scene.gravity_vector,
-        "traction": scene.tractions,
-        "forces": scene.forces,
-    }
     for _ in range(MOST_ROUNDS):
+        loads = scene.loads
         rest = solve_static(scene.mesh, scene.held, order=2, device=device, **loads)
         found = find_discretisation_error(rest, scene.held, solve_static, **loads)
         error = largest_error(found.relative)
@@ -157,7 +153,6 @@ def refine_scene(scene: Scene, goal: float, *, device: str = "cpu") -> Refined:
             why = Note("refinement.too_large", unknowns=unknowns, largest_p2=LARGEST_P2)
             return Refined(scene, error, why)
         scene = finer
-        loads |= {"traction": scene.tractions, "forces": scene.forces}
     return Refined(scene, error, Note("refinement.too_often", rounds=MOST_ROUNDS))
 
 

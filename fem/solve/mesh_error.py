@@ -281,14 +281,10 @@ def _stress_error(
 
 
 class MeshError(NamedTuple):
-    """Relative errors; what every tet has of the squared one in energy [1]; changes of reactions.
-
-    ``reaction`` (nodes, 3) [N] are the changes that are still to come of the supports' forces.
-    """
+    """Relative errors, and what every tet has of the squared one in energy [1]."""
 
     relative: DiscretisationError
     shares: Float[np.ndarray, "tets"] | None = None
-    reaction: Float[np.ndarray, "nodes 3"] | None = None
 
 
 def estimate_error(
@@ -348,7 +344,7 @@ def estimate_error(
         places=tuple(place for place, _ in named),
         peak=peak,
     )
-    return MeshError(relative, shares, factor * pull)
+    return MeshError(relative, shares)
 
 
 def estimate_frequency_error(

@@ -27,7 +27,6 @@ class Method(Protocol):
     @property
     def laws(self) -> tuple[str, ...]:
         """Names of the elastic laws that the method can use; none named: all of ``LAWS``."""
-        ...
 
     def solve(
         self,
@@ -43,7 +42,6 @@ class Method(Protocol):
         None leaves ``law`` and ``order`` [1 or 2] to the method. One that has no elements, or takes
         its laws from the materials, raises ``UsageError`` where it is given a choice.
         """
-        ...
 
 
 def halving_notes(halved: int, frames: int) -> tuple[str, ...]:
@@ -82,7 +80,6 @@ class Scenario(Protocol):
 
     def scene(self, mesh: TetMesh, *, up: UpAxis = "z") -> Scene:
         """Scene of ``mesh`` with the axis ``up`` pointing up."""
-        ...
 
 
 SCENARIOS: Registry[type[Scenario]] = Registry(

@@ -133,7 +133,7 @@ class StaticResult:
     cycle
         The V-cycle of the iterations that did, for whoever asks on; None: there were none.
     path
-        The ``fem.solve.path.Path`` of rests that led there as the load grew, if it was followed.
+        The ``fem.solve.nonlinear.Path`` of rests that led there as the load grew, if followed.
 
     Examples
     --------
@@ -221,9 +221,6 @@ class SagResult:
     trusted, assumed
         Whether this is how it rests, else a linear answer to a load that is too large for one;
         share of the volume in pieces that touch nothing held, and are held where they are.
-    error_shares, reaction_error
-        What every tet has of the squared error in energy [1], shape (tets,), and the error of the
-        supports' force on every node [N], shape (nodes, 3), where the elements are quadratic.
 
     Examples
     --------
@@ -246,8 +243,6 @@ class SagResult:
     load_factor_unmade: str = ""
     trusted: bool = True
     assumed: float = 0.0
-    error_shares: Float[np.ndarray, "tets"] | None = None
-    reaction_error: Float[np.ndarray, "nodes 3"] | None = None
 
     @property
     def displacement(self) -> Float[np.ndarray, "points 3"]:

@@ -16,9 +16,8 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ...fem.errors import InputError
-from ..asset import Asset, UpAxis, upright
-from ..encoders import ImageEncoder, load_encoder
-from ..encoders.registry import Encoder
+from ..asset import Asset, upright
+from ..encoders import Encoder, ImageEncoder, TextEncoder, load_encoder
 from ..grid import Grid, PartVoxels
 from ..text.parts import bare_words
 from .surface import gloss_of, opaque_density, random_points, skin_of, surface_voxels
@@ -26,8 +25,6 @@ from .views import PIXELS, Camera, Views, hemisphere, render_views
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
-
-    from ..encoders.registry import TextEncoder
 
 
 VIEWS, LOWER = 15, 0  # AutoPhyX 3.3: the upper hemisphere
@@ -359,14 +356,12 @@ def render_grid(
     colour: Float[np.ndarray, "nx ny nz 3"],
     grid: Grid,
     cameras: Sequence[Camera] | None = None,
-    *,
-    up: UpAxis = "z",
 ) -> Views:
     """Render cells of a density [1/m] and a colour (sRGB in [0, 1]).
 
     The default cameras are 15 on the upper hemisphere of the cells that have density.
     """
-    cameras = tuple(cameras or hemisphere(matter_bounds(density, grid), up=up))
+    cameras = tuple(cameras or hemisphere(matter_bounds(density, grid)))
     shown = colour[density > 0].astype(np.float64)
     colours, covers = [], []
     for camera in cameras:
@@ -381,7 +376,6 @@ def render_grid(
         cameras,
         colour=np.stack(colours).clip(0, 1).astype(np.float32),
         opacity=np.stack(covers).clip(0, 1).astype(np.float32),
-        up=up,
     )
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from ...fem.errors import UsageError
-from ..encoders.registry import Encoder
+from ..encoders import Encoder
 
 TINY = 0.01  # share of the cells below which a connected piece is a speck
 TEMPERATURE = 0.1  # of the softmax that says how sure a cell is

@@ -50,7 +50,7 @@ class Widths(NamedTuple):
         return (COLOURS, *(self.channels[stage] for stage in LEVELS))
 
 
-def folded_backbone(state: Weights, widths: Widths | None = None) -> Weights:
+def folded_backbone(state: Weights) -> Weights:
     """Stem and stages of a public EfficientNet-Lite checkpoint (PyTorch names), norms folded."""
 
     def fold(kernel: str, norm: str) -> tuple[torch.Tensor, torch.Tensor]:
@@ -61,7 +61,7 @@ def folded_backbone(state: Weights, widths: Widths | None = None) -> Weights:
 
     pairs = {"stem": ("_conv_stem", "_bn0")}
     number = 0
-    for stage, blocks in enumerate((widths or Widths()).blocks):
+    for stage, blocks in enumerate(Widths().blocks):
         for block in range(blocks):
             theirs, ours = f"_blocks.{number}", f"stage.{stage}.{block}"
             if stage:

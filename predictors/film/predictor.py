@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar, NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -22,7 +22,7 @@ from ...fem.scene.up import half_turn
 from ...fem.table import FIELDS, MaterialTable, MaterialValue, load_table
 from ..appearance.features import Appearance
 from ..asset import UpAxis
-from ..encoders.registry import TextEncoder
+from ..encoders import TextEncoder
 from ..field import DEFAULT, MaterialField, Normalisation, read_weights
 from ..film.words import EncodedText, HintedEncoder, hear
 from ..grid import PartVoxels, pooled
@@ -31,11 +31,7 @@ from ..partition import Partition, match_clauses, partition
 from ..prediction import Binding, PartChoice, Prediction, field_of, unbound_by
 from ..resolve.resolve import Lookup, lookup_of, nearest_row
 from ..text.clauses import Clause, Sentence, bind
-from .unet import FilmUNet, NetworkConfig
-
-if TYPE_CHECKING:
-    from .unet import VoxelScene
-
+from .unet import FilmUNet, NetworkConfig, VoxelScene
 
 WEIGHTS = Path(__file__).parents[1] / "weights" / "film.safetensors"
 
@@ -158,8 +154,6 @@ class FilmModel:
     ) -> VoxelScene:
         """Put everything that is known into the tensors of the network."""
         import torch
-
-        from .unet import VoxelScene
 
         count = len(heard.clauses)
         k = max(count, 1)

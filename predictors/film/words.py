@@ -19,7 +19,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ...fem.table import MaterialTable, load_table
-from ..encoders.registry import TextEncoder
+from ..encoders import TextEncoder
 from ..field import DEFAULT, Normalisation
 from ..resolve.resolve import material_at
 from ..text.clauses import Clause, Sentence

@@ -2,5 +2,5 @@
 
 In: cells of a thing, how they look, and the clauses of a sentence.
 Out: for every cell its region and its clause, and how surely.
-Read: segment, measures, network, division.
+Read: network, division.
 """

@@ -9,22 +9,27 @@ first clause, is right more often.
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
 
+from ...fem.note import Note
 from ...fem.table import MaterialTable
 from ..appearance.features import PLAIN_FINISH, Appearance
 from ..asset import UpAxis, upright
-from ..encoders.registry import TextEncoder
-from ..matter import LOOK
-from ..text.clauses import Clause, Sentence
+from ..encoders import TextEncoder
+from ..grid import PartVoxels
+from ..matter import LOOK, by_look
+from ..partition import piece_name
+from ..prediction import Binding
+from ..text.clauses import Bound, BoundPart, Clause, Sentence
+from ..text.english import words
 from ..text.parts import known_parts, stem
-from .measures import measured, quarter_turned
-from .network import RegionNetwork, Said, Words
-from .segment import largest_first, segment
+from .network import RegionNetwork, Said, Words, measured, quarter_turned
 
 WHOLE = 0.5  # of the certainty: below it a thing stays in one piece
 FORCED = 2.0  # nats that giving each clause a region may cost, all in all
@@ -190,3 +195,228 @@ def assigned(shares: Float[np.ndarray, "regions clauses"]) -> Int[np.ndarray, "r
         if cost[rows, columns].sum() < FORCED:
             owner[columns] = rows
     return owner
+
+
+MOST = 48  # regions
+LOOKS, LOOK_SPECK = 16, 0.004  # looks at most, and the fraction of the cells that one needs
+SPECK = 0.003  # of the cells: a smaller region goes to its surroundings
+# Of a thick region the core is what lies near cells of half its greatest depth: sqrt(3) times that
+# depth, as the corner of a box does. It is a region of its own where the region is large, some
+# cells deep, and neither all core nor hardly any.
+LARGE, DEEP, OPENING, NEAR, CORE = 0.06, 3.0, 0.5, 3**0.5, (0.1, 0.99)
+# Half of the 26 neighbours of a cell: each pair is met once.
+_AHEAD = [step for step in product((-1, 0, 1), repeat=3) if step > (0, 0, 0)]
+
+
+def segment(
+    cells: Int[np.ndarray, "n 3"],
+    looks: Float[np.ndarray, "n look"],
+    shell: Int[np.ndarray, "n"] | None = None,
+) -> Int[np.ndarray, "n"]:
+    """Return the region of every cell, from 0, the largest first.
+
+    cells: Indices of a thing's cells on a grid.
+    looks: Colour and finish of each, as ``matter.by_look`` takes them.
+    shell: The connected surface that each belongs to, where a mesh tells.
+    """
+    label = by_look(looks, most=LOOKS, speck=LOOK_SPECK)
+    if shell is not None:
+        label = label * (int(shell.max()) + 1) + shell
+    label = _thick_apart(cells, _connected(cells, label))
+    return largest_first(_connected(cells, label))
+
+
+def largest_first(label: Int[np.ndarray, "n"]) -> Int[np.ndarray, "n"]:
+    """Labels numbered anew, from 0, that of most cells first."""
+    order = np.argsort(-np.bincount(label), kind="stable")
+    return np.argsort(order)[label]
+
+
+def _connected(cells: Int[np.ndarray, "n 3"], label: Int[np.ndarray, "n"]) -> Int[np.ndarray, "n"]:
+    """Connected components of equal labels; small ones go to the nearest that is kept."""
+    from scipy.ndimage import distance_transform_edt
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import connected_components
+
+    row, at = _padded(cells, np.arange(len(cells)))
+    pairs = []
+    for step in _AHEAD:
+        there = row[tuple((cells - cells.min(axis=0) + 1 + step).T)]
+        here = np.flatnonzero(there >= 0)
+        here = here[label[here] == label[there[here]]]
+        pairs.append((here, there[here]))
+    i, j = np.concatenate(pairs, axis=1)
+    graph = coo_matrix((np.ones(len(i), dtype=bool), (i, j)), shape=(len(cells),) * 2)
+    _, found = connected_components(graph, directed=False)
+    size = np.bincount(found)
+    kept = np.argsort(-size, kind="stable")[:MOST]
+    kept = kept[(size[kept] >= SPECK * len(cells)) | (np.arange(len(kept)) == 0)]
+    good = np.isin(found, kept)
+    if not good.all():
+        far = np.ones(row.shape, dtype=bool)
+        far[tuple(i[good] for i in at)] = False
+        nearest = distance_transform_edt(far, return_distances=False, return_indices=True)
+        found = found[row[tuple(axis[at] for axis in np.asarray(nearest))]]
+    return np.unique(found, return_inverse=True)[1].ravel()
+
+
+def _thick_apart(
+    cells: Int[np.ndarray, "n 3"], label: Int[np.ndarray, "n"]
+) -> Int[np.ndarray, "n"]:
+    """Regions with the thick core of each cut off from what is thin."""
+    from scipy.ndimage import distance_transform_edt
+
+    out, count = label.copy(), int(label.max()) + 1
+    for k in range(count):
+        mine = np.flatnonzero(label == k)
+        if len(mine) < LARGE * len(cells):
+            continue
+        row, at = _padded(cells[mine], np.arange(len(mine)))
+        depth = np.asarray(distance_transform_edt(row >= 0))
+        radius = OPENING * depth.max()
+        if depth.max() < DEEP:
+            continue
+        core = np.asarray(distance_transform_edt(depth < radius))[at] <= NEAR * radius
+        if CORE[0] < core.mean() < CORE[1]:
+            out[mine[core]] = count
+            count += 1
+    return out
+
+
+def _padded(
+    cells: Int[np.ndarray, "n 3"], values: Int[np.ndarray, "n"]
+) -> tuple[Int[np.ndarray, "x y z"], tuple[np.ndarray, ...]]:
+    """Values on the cells' box with one empty cell (-1) on every side, and where each cell is."""
+    at = tuple((cells - cells.min(axis=0) + 1).T)
+    box = np.full(np.ptp(cells, axis=0) + 3, -1)
+    box[at] = values
+    return box, at
+
+
+class Pieces(NamedTuple):
+    """Parts divided by the clauses that speak of them.
+
+    parts: The given parts, and their pieces.
+    parents: For each the given part that it is, or is a piece of.
+    bound: The sentence, and which of its clauses speak of each.
+    bindings: What was understood of those that were divided, by number.
+    unsaid: Numbers of pieces of which no clause says a matter.
+    notes: Why a thing was left whole.
+    """
+
+    parts: PartVoxels
+    parents: tuple[int, ...]
+    bound: Bound
+    bindings: dict[int, Binding]
+    unsaid: tuple[int, ...]
+    notes: tuple[str, ...]
+
+
+def carve(parts: PartVoxels, cells: dict[str, np.ndarray]) -> tuple[PartVoxels, tuple[int, ...]]:
+    """Return the parts with these cells (nx, ny, nz) as parts of their own, by name; and parents.
+
+    A name that is taken is an error of ``PartVoxels``; cells of several parts belong to the first.
+    """
+    label, names, labels = parts.part.copy(), list(parts.part_names), list(parts.labels)
+    parents = list(range(len(names)))
+    for name, mine in cells.items():
+        parents.append(int(parts.part[mine].min()))
+        label[mine] = len(names)
+        names.append(name)
+        labels.append(())
+    return PartVoxels(parts.grid, label, tuple(names), tuple(labels)), tuple(parents)
+
+
+def of_matters(sentence: Sentence) -> list[int]:
+    """Numbers of the clauses that say a matter, where they name two or more; else none."""
+    clauses, is_said_to_be = sentence.clauses, {*words()["roles"]["is"]}
+    stated = [
+        k for k, one in enumerate(clauses)
+        if one.says_matter and not one.excluded
+        # "the glass is soda-lime glass": the next clause says which glass
+        and not (
+            k + 1 < len(clauses) and not (one.subject.names or clauses[k + 1].subject.names)
+            and sentence.text[one.span[1] : clauses[k + 1].span[0]].strip() in is_said_to_be
+        )
+    ]  # fmt: skip
+    named = {(one.material, one.phrase) for one in sentence.clauses if one.material}
+    return stated if len(named) > 1 else []
+
+
+def divided(
+    parts: PartVoxels,
+    left_open: Sequence[int],
+    bound: Bound,
+    stated: Sequence[int],
+    regions: Regions,
+    *,
+    of: Sequence[int],
+    told: Mapping[int, str],
+    encoder: TextEncoder,
+    table: MaterialTable,
+) -> Pieces:
+    """Divide what words left open among the clauses that say a matter, their numbers ``stated``.
+
+    regions: Of all occupied cells, in C order.
+    of: The thing that each part was before a user took regions out of it: it is seen as it was.
+    told: The row of the table of each part that a user so took, by number: what is like it is
+        likely of its clause.
+    """
+    sentence = bound.sentence
+    of_cell, thing = parts.part[parts.occupied], np.asarray(of)
+    mine = np.isin(thing[of_cell], thing[list(left_open)])
+    said = [said_by(sentence.clauses[k], sentence) for k in stated]
+    # numbered anew: a region of another part has no cell here
+    plain, region = (
+        np.unique(x[mine], return_inverse=True)[1].ravel() for x in (regions.plain, regions.region)
+    )
+    ours = Regions(regions.cells[mine], regions.looks[mine], plain, region, regions.shells)
+    of_user = np.full(len(region), -1)
+    for part, row in told.items():
+        same = [k for k, one in enumerate(said) if one.row and table.exact(one.row).name == row]
+        if len(same) < 2:  # of two clauses of one matter either may be meant
+            of_user[of_cell[mine] == part] = same[0] if same else len(said)
+    found = divide(ours, said, encoder=encoder, table=table, told=of_user)
+    owner, share, notes = found.owner, found.share, ()
+    if found.certainty < WHOLE:
+        first = next(i for i, k in enumerate(stated) if sentence.clauses[k].material)
+        owner = np.full_like(owner, first)
+        texts = ", ".join(repr(sentence.clauses[k].text) for k in stated)
+        whole = sentence.clauses[stated[first]].material
+        known = {"texts": texts, "material": whole, "certainty": found.certainty}
+        notes = (Note("regions.whole", **known),)
+    label, names, labels = of_cell.copy(), list(parts.part_names), list(parts.labels)
+    parents, clauses = list(range(len(names))), list(bound.parts)
+    bindings, unsaid = {}, []
+    for i in left_open:
+        here = of_cell[mine] == i
+        owners, counts = np.unique(owner[here], return_counts=True)
+        for rank, k in enumerate(owners[np.argsort(-counts, kind="stable")]):
+            cells = np.flatnonzero(mine)[here & (owner == k)]
+            clause = None if k == len(stated) else sentence.clauses[stated[k]]
+            number = i if rank == 0 else len(names)
+            if rank:
+                names.append("")
+                labels.append(parts.labels[i])
+                parents.append(i)
+                clauses.append(BoundPart())
+            label[cells] = number
+            if len(owners) > 1 and clause is not None:
+                names[number] = piece_name(parts.part_names[i], clause, names)
+            elif rank:
+                names[number] = f"{parts.part_names[i]} rest"
+            text = None if clause is None else clause.text
+            sure = float(share[here & (owner == k)].mean())
+            bindings[number] = Binding(text, sure, len(cells), 0.0, found.certainty)
+            if clause is None:
+                clauses[number] = BoundPart()
+                unsaid.append(number)
+            else:
+                clauses[number] = BoundPart((stated[k],), ("name",))
+                if not (clause.material or clause.kind or clause.unknown or clause.numbers):
+                    unsaid.append(number)
+    part = parts.part.copy()
+    part[parts.occupied] = label
+    made = PartVoxels(parts.grid, part, tuple(names), tuple(labels))
+    heard = replace(bound, parts=tuple(clauses), unbound=())
+    return Pieces(made, tuple(parents), heard, bindings, tuple(unsaid), notes)

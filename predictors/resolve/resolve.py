@@ -33,7 +33,7 @@ from ...fem.table import (
 )
 from ..appearance.features import Appearance
 from ..asset import UpAxis
-from ..encoders.registry import TextEncoder
+from ..encoders import TextEncoder
 from ..field import Normalisation
 from ..grid import PartVoxels
 from ..prediction import PartChoice, Prediction

@@ -16,7 +16,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ...fem.table import Material, MaterialTable
-from ..encoders.registry import TextEncoder
+from ..encoders import TextEncoder
 
 # Below this cosine a part's name says nothing of its material: measured on 30 part names, where
 # "rug" has .74 with carpet, "mattress" .49 with memory foam, but "leg" .38 with meat.

@@ -22,19 +22,17 @@ from ...fem.note import Note
 from ...fem.table import MaterialTable, MaterialValue, load_table
 from ..appearance.features import Appearance
 from ..asset import UpAxis, upright
-from ..encoders.registry import TextEncoder
+from ..encoders import TextEncoder
 from ..field import Normalisation, Ranges, read_weights
 from ..grid import PartVoxels
 from ..prediction import PartChoice, Prediction
 from ..resolve.resolve import Lookup, lookup_of, nearest_row
 from ..text.clauses import Sentence, bind
 from ..text.parts import NamedPart, own_name, vocabulary_of
-from .network import UniPixie, UniPixieConfig
+from .network import FEATURE, UniPixie, UniPixieConfig, Voxels, coherent_noise, known_of
 
 if TYPE_CHECKING:
     import torch
-
-    from .network import Voxels
 
 
 WEIGHTS = Path(__file__).parents[1] / "weights" / "unipixie.safetensors"
@@ -108,8 +106,6 @@ class Found:
         """Where the flow begins, (1, n, 3): zero, the middle of the noise, without a seed."""
         import torch
 
-        from .network import coherent_noise
-
         count = len(self.cube.part)
         if seed is None:
             return torch.zeros(1, count, 3)
@@ -171,8 +167,6 @@ def voxels_on(
     is ``seen`` of the cells stands in for them.
     """
     import torch
-
-    from .network import FEATURE, Voxels, known_of
 
     inside = parts.occupied
     label = parts.part[inside]

@@ -18,8 +18,7 @@ import numpy as np
 from jaxtyping import Int
 
 from ...fem.table import MaterialTable
-from ...predictors.regions.division import said_by
-from ...predictors.regions.pieces import of_matters
+from ...predictors.regions.division import of_matters, said_by
 from ...predictors.text.one_piece import of_one_piece
 from ...predictors.text.parts import name_words
 from ...predictors.text.reader import read_sentence

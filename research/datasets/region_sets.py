@@ -19,12 +19,11 @@ from ...converters.npz import load_npz, save_npz
 from ...fem.errors import InputError
 from ...fem.table import MaterialTable
 from ...predictors.appearance.features import PLAIN_FINISH
-from ...predictors.encoders.registry import TextEncoder
+from ...predictors.encoders import TextEncoder
 from ...predictors.matter import FEATURES, measure
-from ...predictors.regions.measures import MEASURES, measured
-from ...predictors.regions.network import categories, part_vector, part_words
+from ...predictors.regions.division import MOST, segment
+from ...predictors.regions.network import MEASURES, categories, measured, part_vector, part_words
 from ...predictors.regions.network import kind_index as kind_of_material
-from ...predictors.regions.segment import MOST, segment
 from ...predictors.text.reader import parse
 from .one_piece import OnePiece
 from .real import CELLS, kind_index

@@ -11,8 +11,8 @@ from jaxtyping import Float
 
 from ...fem.table import load_table
 from ...predictors.appearance.features import Appearance
+from ...predictors.encoders import TextEncoder
 from ...predictors.encoders.minilm import MiniLM
-from ...predictors.encoders.registry import TextEncoder
 from ...predictors.field import Normalisation
 from ...predictors.film.predictor import VISION, standard
 from ...predictors.film.words import name_evidence, subject

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from ...fem.errors import ConvergenceError, UsageError
-from ...predictors.encoders.registry import TextEncoder
+from ...predictors.encoders import TextEncoder
 from .held_out import HeldOutObject, HeldOutSet
 from .metrics import Row, Score, against_best, boundary_voxels, summary
 from .rows import BASELINES, DEFAULT_ROWS, ROWS, Setting, VoxelPredictor

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, runtime_checkable
 from ...fem.registry import Registry
 
 if TYPE_CHECKING:
-    from ...predictors.encoders.registry import TextEncoder
+    from ...predictors.encoders import TextEncoder
     from ..datasets.text_table import TextTable
     from .held_out import HeldOutObject
 
@@ -36,11 +36,9 @@ class Contender(Protocol):
     @property
     def names(self) -> bool:
         """Whether it sees what the asset calls its parts."""
-        ...
 
     def build(self, setting: Setting) -> VoxelPredictor:
         """Return the predictor of the row."""
-        ...
 
 
 ROWS: Registry[Contender] = Registry(

@@ -34,17 +34,6 @@ def image_similarity(
     return ImageSimilarity(psnr(found, truth), ssim(found, truth))
 
 
-def motion_similarity(
-    found: Float[np.ndarray, "frames height width channels"],
-    truth: Float[np.ndarray, "frames height width channels"],
-) -> ImageSimilarity:
-    """Compare two motions, frame by frame: means over the frames, as UniPixie and AutoPhyX do."""
-    if found.shape != truth.shape or not len(found):
-        raise InputError(f"motions of {found.shape} and {truth.shape}: wanted one shape, frames")
-    pairs = [image_similarity(a, b) for a, b in zip(found, truth, strict=True)]
-    return ImageSimilarity(*np.mean(pairs, axis=0).tolist())
-
-
 def psnr(found: Float[np.ndarray, "*n"], truth: Float[np.ndarray, "*n"]) -> float:
     """Peak signal-to-noise ratio [dB] of values in [0, 1]: -10 log10 of the mean squared error."""
     error = float(np.mean((found.astype(np.float64) - truth) ** 2))

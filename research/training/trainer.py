@@ -39,11 +39,9 @@ class Sampler(Protocol[B]):
     @property
     def generator(self) -> torch.Generator:
         """The source of everything random in the batches."""
-        ...
 
     def draw(self, n: int) -> B:
         """Return a batch of ``n`` samples."""
-        ...
 
 
 class Losses(NamedTuple):

@@ -2,6 +2,8 @@
 
 import json
 
+import pytest
+from autophyx_tet.fem.errors import UsageError
 from autophyx_tet.fem.table import load_table
 from autophyx_tet.predictors.text.interpreter import MAX_ANSWER, ChatEndpoint, interpret
 from autophyx_tet.predictors.text.reader import parse
@@ -37,7 +39,10 @@ def test_a_good_answer_becomes_the_same_clauses(server):
     assert seat.subject.names == (("seat",),)
     assert seat.numbers[0].value == 30
     assert not found.notes
-    assert server.asked[2]["messages"][0]["content"].count("seat")
+    path, headers, body = server.asked
+    assert (path, body["model"]) == ("/v1/chat/completions", "small")
+    assert headers["Authorization"] == "Bearer k"
+    assert body["messages"][0]["content"].count("seat")
 
 
 HOSTILE = (
@@ -85,6 +90,8 @@ def test_without_an_answer_the_built_in_reader_reads(server):
     found = interpret(nobody, TEXT, TABLE, NAMES)
     assert found.clauses == own
     assert any("cannot reach" in note for note in found.notes)
+    with pytest.raises(UsageError, match="http or https"):
+        ChatEndpoint("file:///etc/passwd", "small")
 
 
 def test_an_endless_answer_is_cut(server):

@@ -3,14 +3,7 @@
 import numpy as np
 import pytest
 from autophyx_tet.fem.errors import InputError
-from autophyx_tet.research.evaluation.ssim import (
-    FINEST,
-    K1,
-    image_similarity,
-    motion_similarity,
-    psnr,
-    ssim,
-)
+from autophyx_tet.research.evaluation.ssim import FINEST, K1, image_similarity, psnr, ssim
 
 PLAIN = np.full((24, 30, 3), 0.4)
 NOISE = np.random.default_rng(0).random((24, 30, 3))
@@ -43,16 +36,3 @@ def test_a_picture_too_small_is_refused():
     """A picture smaller than the window has no SSIM."""
     with pytest.raises(InputError, match="sides > 10"):
         image_similarity(PLAIN[:9], PLAIN[:9])
-
-
-def test_motions_are_compared_frame_by_frame():
-    """Means over the frames: of equal frames 54.2 dB and 1; of none an error."""
-    rng = np.random.default_rng(5)
-    one, two = rng.random((2, 3, 32, 32, 3))
-    pairs = [image_similarity(a, b) for a, b in zip(one, two, strict=True)]
-    found = motion_similarity(one, two)
-    assert found.psnr == pytest.approx(np.mean([p.psnr for p in pairs]), rel=1e-12)
-    assert found.ssim == pytest.approx(np.mean([p.ssim for p in pairs]), rel=1e-12)
-    assert motion_similarity(one, one).ssim == pytest.approx(1.0)
-    with pytest.raises(InputError, match="one shape"):
-        motion_similarity(one[:0], two[:0])

@@ -307,8 +307,8 @@ def test_nothing_is_good_of_a_rest_that_was_not_found(monkeypatch):
 
     Its mesh leaves 1 % of that, and it is below its linear buckling load: both are in doubt.
     """
-    monkeypatch.setattr("autophyx_tet.fem.solve.path.MOST_FACTORS", 2)
-    monkeypatch.setattr("autophyx_tet.fem.solve.path.LEAST_FACTORS", 2)
+    monkeypatch.setattr("autophyx_tet.fem.solve.nonlinear.MOST_FACTORS", 2)
+    monkeypatch.setattr("autophyx_tet.fem.solve.nonlinear.LEAST_FACTORS", 2)
     mesh = with_uniform(box_mesh((1.0, 0.04, 0.04), (10, 2, 2)), E=1e8, nu=0.0, rho=1e3)
     torque = {"plane:x>1": (0.0, -1e8 * 0.04**4 / 12, 0.0)}
     found = simulate(mesh, fix=["plane:x<0"], torque=torque, gravity=0)

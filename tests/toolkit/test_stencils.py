@@ -5,8 +5,13 @@ from itertools import combinations
 import numpy as np
 import pytest
 from autophyx_tet.fem.mesh import boundary_faces, signed_volumes
-from autophyx_tet.toolkit.meshing.stuffing.cut import CORNERS, cut, patterns, stencil
-from autophyx_tet.toolkit.meshing.stuffing.lattice import EDGES, lattice_around, tets_around
+from autophyx_tet.toolkit.meshing.stuffing.lattice import (
+    EDGES,
+    NodeField,
+    lattice_around,
+    tets_around,
+)
+from autophyx_tet.toolkit.meshing.stuffing.mesher import CORNERS, cut, patterns, stencil
 
 MIRRORS = [np.array(signs) for signs in ((1, 1, 1), (-1, 1, 1), (1, -1, 1), (-1, -1, -1))]
 
@@ -53,7 +58,7 @@ def test_lattice_tets_are_oriented_and_fill_space():
     assert not ((nodes[tets[:, 0]] > nodes[tets[:, 2]]).sum(axis=1) % 2).any()
 
 
-class RandomRegions:
+class RandomRegions(NodeField):
     """In place of distances: any region at any node, any cut of any edge."""
 
     def __init__(self, lattice, regions, rng):

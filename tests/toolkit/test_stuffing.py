@@ -14,9 +14,8 @@ from autophyx_tet.toolkit.asset.repair import repair
 from autophyx_tet.toolkit.asset.solids import Solids, hollowed
 from autophyx_tet.toolkit.meshing.convert import tetrahedralize
 from autophyx_tet.toolkit.meshing.quality import dihedral_angles
-from autophyx_tet.toolkit.meshing.stuffing.cut import cut
 from autophyx_tet.toolkit.meshing.stuffing.lattice import NodeField, SolidField, lattice_around
-from autophyx_tet.toolkit.meshing.stuffing.mesher import Guard, stuff, wanted_volumes
+from autophyx_tet.toolkit.meshing.stuffing.mesher import Guard, cut, stuff, wanted_volumes
 
 from .test_tetrahedralize import asset_of
 

@@ -3,6 +3,7 @@
 import tomllib
 from pathlib import Path
 
+from autophyx_tet.research import commands
 from autophyx_tet.toolkit.cli import terminal
 from autophyx_tet.toolkit.verdict import check
 from autophyx_tet.toolkit.verdict.check import Check, with_doubts
@@ -31,7 +32,7 @@ def test_scores_are_a_table(capsys):
     """Every column of one value a row, a missing one left empty; nested ones are for --json."""
     row = {"predictor": "film", "mse_mean": 0.05651, "clause_accuracy": None, "by": {1: 0.2}}
     other = row | {"predictor": "table-mean", "clause_accuracy": 0.5}
-    out = shown(capsys, {"rows": [row, other], "papers": {}}, terminal.evaluation)
+    out = shown(capsys, {"rows": [row, other], "papers": {}}, commands._evaluation)
     heads, first, second = out.splitlines()
     assert heads.split() == ["predictor", "mse", "mean", "clause", "accuracy"]
     assert first.split() == ["film", "0.0565"]
@@ -42,9 +43,9 @@ def test_what_has_no_table_is_told(capsys):
     samples = [{"object": "chair", "clauses": ["oak legs", "soft seat"]}]
     sizes = {"clauses": 1200, "real_objects": 3}
     rows = (
-        (terminal.dataset, sizes, "1,200 clauses, 3 real objects"),
-        (terminal.samples, {"samples": samples}, "chair: oak legs"),
-        (terminal.training, {"steps": 2000, "history": []}, "trained for 2,000 steps"),
+        (commands._dataset, sizes, "1,200 clauses, 3 real objects"),
+        (commands._samples, {"samples": samples}, "chair: oak legs"),
+        (commands._training, {"steps": 2000, "history": []}, "trained for 2,000 steps"),
     )
     for lines, document, words in rows:
         assert words in shown(capsys, document, lines), document

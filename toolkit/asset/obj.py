@@ -19,7 +19,6 @@ from ...fem.note import Note
 from ...predictors.asset import PlainMesh
 from .formats import AssetContent, NamedSurface, References, decoded, stated_metres
 
-NUMBERS = {"v", "vt", "vn", "f"}
 # Free-form curves and surfaces: the statements that end one.
 FREE_FORM = {"curv", "curv2", "surf", "cstype", "bzp", "bsp", "cdc", "cdp"}
 COMMENT = re.compile(r"(?:^|\s)#.*")  # a name may hold the sign

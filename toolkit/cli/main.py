@@ -14,7 +14,7 @@ from difflib import get_close_matches
 from itertools import pairwise
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Annotated, Any, get_args, get_type_hints
+from typing import Annotated, Any, get_args, get_type_hints
 
 import tyro
 
@@ -22,11 +22,7 @@ from ... import __version__
 from ...fem.errors import AutophyxError, UsageError
 from ...fem.registry import Registry
 from ..asset.guard import was_interrupted
-from ..options import config_text, option_names, with_config
-
-if TYPE_CHECKING:
-    from ..options import Common
-
+from ..options import Common, config_text, option_names, with_config
 
 EXIT_BUG = 1
 INTERRUPTED = "interrupted; nothing half-written was left"

@@ -91,19 +91,19 @@ def plan(document: Document) -> Shown:
 def conversion(document: Document) -> Shown:
     """The quality of the tets, where it was asked for, and how many there are."""
     if rows := document.get("quality_rows"):
-        yield _table(rows, {name: name for name in rows[0]})
+        yield table(rows, {name: name for name in rows[0]})
     yield _size(document)
 
 
 def assignment(document: Document) -> Shown:
     """The materials of the parts and of regions, and whether they are usual."""
-    yield _table(document["parts"], PARTS)
+    yield table(document["parts"], PARTS)
     if rows := document["regions_by_look"]:
         shown = [
             row | {"middle": ", ".join(f"{x:.3g}" for x in row["middle"])}
             for row in rows[:REGIONS_SHOWN]
         ]
-        yield _table(shown, REGIONS)
+        yield table(shown, REGIONS)
         if len(rows) > len(shown):
             yield f"{len(rows) - len(shown)} smaller regions: --json"
     yield _size(document)
@@ -113,7 +113,7 @@ def assignment(document: Document) -> Shown:
 def segmented(document: Document) -> Shown:
     """The parts that a thing was cut into."""
     names = {"name": "part", "fraction": "of the volume", "triangles": "triangles"}
-    yield _table(document["parts"], names)
+    yield table(document["parts"], names)
 
 
 def simulation(document: Document) -> Shown:
@@ -132,7 +132,7 @@ def run(document: Document) -> Shown:
             from rich.text import Text
 
             yield Text(f"\n{case['text']!r}", style="bold")
-        yield _table(case["parts"], PARTS)
+        yield table(case["parts"], PARTS)
         yield _size(case)
         yield from _answer(case)
         yield from _verdicts(case)
@@ -190,7 +190,7 @@ def features(document: Document) -> Shown:
     """Labels of voxels by words, and what was seen."""
     if parts := document["parts"]:
         rows = [{"word": word, "voxels": count} for word, count in parts["voxels"].items()]
-        yield _table(rows, {"word": "word", "voxels": "voxels"})
+        yield table(rows, {"word": "word", "voxels": "voxels"})
     yield (
         f"{document['voxels']:,} voxels, {document['seen']:,} of them seen, "
         f"{document['channels']} channels of {document['encoder']}"
@@ -201,7 +201,7 @@ def materials(document: Document) -> Shown:
     """Rows of the material table."""
     rows = document["materials"]
     if rows:
-        yield _table(rows, {"name": "material", "category": "category"} | MATTER)
+        yield table(rows, {"name": "material", "category": "category"} | MATTER)
         yield f"{len(rows)} materials; --json adds sources, aliases, strength, grain and colour"
 
 
@@ -209,7 +209,7 @@ def info(document: Document) -> Shown:
     """Regions, size and quality of a mesh file."""
     regions, found = document["regions"], document["quality"]
     columns = {"name": "part", "tets": "tets", "volume": "volume [m³]"}
-    yield _table(regions, columns | (MATTER if regions and "E" in regions[0] else {}))
+    yield table(regions, columns | (MATTER if regions and "E" in regions[0] else {}))
     yield _size(document)
     none = "" if document["mass"] else "; no E, nu, rho: `assign` gives them"
     sides = document["bounds"][1] - document["bounds"][0]
@@ -253,46 +253,6 @@ def batch(document: Document) -> Shown:
     )
 
 
-def dataset(document: Document) -> Shown:
-    """What was built."""
-    yield f"{document['clauses']:,} clauses, {document['real_objects']:,} real objects"
-
-
-def samples(document: Document) -> Shown:
-    """What was drawn of a data set."""
-    for sample in document["samples"]:
-        yield f"{sample['object']}: {'; '.join(sample['clauses'])}"
-
-
-def audit(document: Document) -> Shown:
-    """Outcomes, reasons and biases of an audit of ranges."""
-    for key in ("shares", "reasons", "biases"):
-        if document[key]:
-            yield _scores(document[key])
-
-
-def training(document: Document) -> Shown:
-    """How long it took."""
-    yield f"trained for {document['steps']:,} steps"
-
-
-def evaluation(document: Document) -> Shown:
-    """A row a predictor; of natural sentences also how often what was said to be sure was right."""
-    if "calibration" not in document:
-        yield _scores(document["rows"])
-        return
-    yield _table(document["rows"], {name: name.replace("_", " ") for name in document["rows"][0]})
-    said = {"said": "said to be right", "right": "was right", "objects": "objects"}
-    yield _table(document["calibration"], said)
-    from ..verdict.checks import percent
-
-    yield (
-        f"{percent(document['clauses_read'])} of the materials were read, "
-        f"{percent(document['foreign'])} of the volume got one of no clause, "
-        f"{document['left_whole']} things were left whole"
-    )
-
-
 def _size(document: Document) -> str:
     mass = f", mass {document['mass']:.3g} kg" if document["mass"] else ""
     return f"{document['tets']:,} tets, volume {document['volume']:.4g} m³{mass}"
@@ -318,7 +278,7 @@ def _answer(document: Document) -> Shown:
             f"largest von Mises stress {answer['max_von_mises']:.3g} Pa"
         )
         yield "; ".join(f"{label}: {words}" for label, words in answer["solution"].items())
-        yield _table(place_rows(answer), PLACES)
+        yield table(place_rows(answer), PLACES)
     elif answer := document.get("motion"):
         yield (
             f"{answer['frames']} frames of {answer['dt']:.3g} s, "
@@ -333,7 +293,8 @@ def _answer(document: Document) -> Shown:
     yield from _verdicts(answer)
 
 
-def _table(rows: Sequence[Mapping[str, Any]], columns: Mapping[str, str]) -> Table:
+def table(rows: Sequence[Mapping[str, Any]], columns: Mapping[str, str]) -> Table:
+    """Rows under the titles of ``columns``: numbers to three digits, of a range both ends."""
     from rich.markup import escape
     from rich.table import Table
 
@@ -344,27 +305,13 @@ def _table(rows: Sequence[Mapping[str, Any]], columns: Mapping[str, str]) -> Tab
         ends = ("" if n is None else format(float(n), form) for n in numbers)
         return " – ".join(dict.fromkeys(ends))
 
-    table = Table(box=None, header_style="bold", pad_edge=False)
+    made = Table(box=None, header_style="bold", pad_edge=False)
     for key, title in columns.items():
         number = all(isinstance(row[key], int | float | tuple) for row in rows)
-        table.add_column(title, justify="right" if number else "left")
+        made.add_column(title, justify="right" if number else "left")
     for row in rows:
-        table.add_row(*(escape(cell(key, row[key])) for key in columns))
-    return table
-
-
-def _scores(rows: Sequence[Mapping[str, Any]]) -> Table:
-    """A table of the columns of one word or number a row; those without any are left out."""
-    plain = (str, int, float, type(None))
-    columns = {name: [row[name] for row in rows] for name in rows[0]}
-    return _table(
-        rows,
-        {
-            name: name.replace("_", " ")
-            for name, cells in columns.items()
-            if all(isinstance(cell, plain) for cell in cells) and any(c is not None for c in cells)
-        },
-    )
+        made.add_row(*(escape(cell(key, row[key])) for key in columns))
+    return made
 
 
 # Seconds of work before the first line of a log, and between two.

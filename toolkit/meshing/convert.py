@@ -23,6 +23,7 @@ from ..asset.repair import WELD_REL, Closing, RepairReport, repair
 from ..asset.solids import Shell, Solids, hollowed, sheet_faces, thickened
 from ..asset.surface import Surface
 from ..asset.triangles import Triangles, closest, edge_components, enclosed_volume
+from . import AUTO, FTETWILD, MESHERS, OR_PARTICLES, PARTICLES, STUFFING, chosen_mesher
 from .ftetwild import FORESEEN, EngineTarget, Filling, LatticeFit, NoFilling
 from .guarantees import (
     BROKEN,
@@ -50,10 +51,9 @@ from .guarantees import (
     separate,
     sound,
 )
-from .meshers import AUTO, FTETWILD, MESHERS, OR_PARTICLES, PARTICLES, STUFFING, chosen_mesher
 from .messages import differences, left_out, likely_hollow, listed, no_mesh, no_volume, said
 from .quality import Quality, quality
-from .stuffing.pieces import SPECK, without_floaters
+from .stuffing.pieces import SPECK, pieces_of, without_floaters
 
 # Of the surface through splats or points: a body that lacks more of it is another one.
 MOST_GUESSED = 0.4
@@ -320,8 +320,6 @@ class Problem:
         Of surfaces that are samples specks of tets are left out: their thin places are noise.
         """
         if self.asset.sampled and filling.lattice is not None:
-            from .stuffing.pieces import pieces_of
-
             piece, volumes = pieces_of(filling.mesh.tets), signed_volumes(*filling.mesh[:2])
             size = np.bincount(piece, weights=volumes)
             kept = (size >= SPECK * size.sum())[piece]

@@ -9,6 +9,7 @@ from ...fem.note import Note
 from ...predictors.asset import Asset
 from ...predictors.construction import IN_ITS_SHAPE, head_of_name, kinds_named
 from ..asset.solids import hull_fraction
+from . import FTETWILD, PARTICLES, STUFFING
 from .guarantees import (
     BROKEN,
     LEFT_OUT,
@@ -19,7 +20,6 @@ from .guarantees import (
     ConversionReport,
     FileLosses,
 )
-from .meshers import FTETWILD, PARTICLES, STUFFING
 
 MOST = 5  # names that a sentence lists
 # Kinds of what is left out, of how it was made and what that blurs, and of what was open: of each

@@ -156,17 +156,14 @@ def _fits(points: Points, tets: Tets, tip: Int[np.ndarray, "tip 4"], reach: floa
         return False
     if heights[:, 0].max() > reach:
         return False
+    places = np.vstack([points.T, np.ones(len(points))])
     for tet in tip:
-        weight = np.linalg.solve(np.vstack([points[tet].T, np.ones(4)]), _homogeneous(points).T)
+        weight = np.linalg.solve(np.vstack([points[tet].T, np.ones(4)]), places)
         if np.delete((weight > 0).all(axis=0), tet).any():
             return False
     both = np.concatenate([tets, tip])
     rims = [_rims(both, vertex) for vertex in np.unique(tip[:, 1:]).tolist()]
     return all(rim is not None and len(rim) < 2 for rim in rims)
-
-
-def _homogeneous(points: Points) -> Float[np.ndarray, "points 4"]:
-    return np.column_stack([points, np.ones(len(points))])
 
 
 def _seen_by_all(

@@ -25,6 +25,8 @@ from ...fem.mpm.materials import (
     triaxial_friction,
 )
 from ...fem.note import Note
+from ...fem.reduced.model import Subspace
+from ...fem.reduced.motion import ROUNDS, ReducedMethod
 from ...fem.scene.conditions import (
     KINDS,
     LOADS,
@@ -35,6 +37,7 @@ from ...fem.scene.conditions import (
     read_conditions,
 )
 from ...fem.scene.scene import Scene
+from ...fem.solve.error import refine_scene
 from ...fem.solve.method import METHODS, SCENARIOS, Method, Scenario
 from ...fem.solve.modal import QUICK, factor_fits, natural_modes
 from ...fem.solve.result import Modes, MotionResult, SagResult
@@ -47,7 +50,6 @@ from .budget import Plan, check_budget, paced, planned
 
 if TYPE_CHECKING:
     from ...fem.mpm.method import MpmMethod
-    from ...fem.reduced.motion import ReducedMethod
     from ...fem.springs.body import SpringMethod
 
 
@@ -133,8 +135,6 @@ def run_scenario(
 
 def _refined(scene: Scene, options: SimulateOptions, kind: str) -> Scene:
     """The scene on a mesh that is fine enough, or a warning of why it is not."""
-    from ...fem.solve.error import refine_scene
-
     percent = cast("float", options.refine)
     if kind != "statics" or options.order == 1:
         raise UsageError("scenario.refine_rest")
@@ -345,8 +345,6 @@ def reduced_method(
 ) -> ReducedMethod:
     """Reduced bodies of the kind and size, and with the fitted moduli, that the options name."""
     from ...converters.archives import load_fits
-    from ...fem.reduced.model import Subspace
-    from ...fem.reduced.motion import ROUNDS, ReducedMethod
 
     _check_parameters(options)
     moduli = Moduli(1.0, None)

@@ -8,10 +8,12 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from ...converters import npz
+from ...converters.points.table import PointTable, read_points
 from ...converters.registry import POINT_FORMATS
 from ...fem.errors import ConvergenceError, InputError, UsageError
 from ...fem.mesh import TetMesh
@@ -28,9 +30,6 @@ from ..options import EXPECTED, SimulateOptions, command_line
 from ..verdict.simulation import Simulation
 from .budget import MOST_TETS, coarsened, picture_seconds, shown_states
 from .scenario import changed_options, film_plan, frames_told, run_scenario
-
-if TYPE_CHECKING:
-    from ...converters.points.table import PointTable
 
 
 def simulate(
@@ -212,8 +211,6 @@ def _within_budget(
     progress: Callable[[str, float], None] | None,
 ) -> tuple[TetMesh, SimulateOptions]:
     """A coarse body and the options of what drives it, told with what it will take."""
-    from ...converters.points.table import read_points
-
     body = coarsened(mesh)
     plan = film_plan(body, options, picture=picture_seconds(read_points(drive)), **known)
     if progress is not None:
@@ -252,8 +249,6 @@ def _film(
     progress: Callable[[str, float], None] | None = None,
 ) -> DriveRecord:
     """The film ``folder``/film.webp of a motion within a budget, written frame by frame."""
-    from ...converters.points.table import read_points
-
     actor = actor_of(read_points(carrier), result, options, mesh=mesh, scale=scale)
     key = f"{options} {result.mesh} {carrier.name} {carrier.stat().st_size}"
     told = frames_told("film", progress, time.perf_counter())
@@ -280,8 +275,6 @@ def _voxel_body(path: Path, *, cells: int, scale: float = 1.0) -> VoxelBody | No
     Splats and points are filled on a grid of ``cells`` along their longest side; their unit is
     ``scale`` metres.
     """
-    from ...converters import npz
-    from ...converters.points.table import read_points
     from ...converters.transfer import field_from_points, tets_of_field
 
     suffix = path.suffix.lower()

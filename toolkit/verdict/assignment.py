@@ -16,13 +16,13 @@ from ...fem.table import AS_STATED, FIELDS, MaterialValue, Span, outside_band
 from ...fem.uncertainty import MIDDLE
 from ...predictors.construction import MassInterval
 from ...predictors.field import MaterialField
+from ...predictors.prediction import Numbered, PartChoice
 from ..asset.document import BodyRecord, Sidecar, is_guess, mesh_document
 from ..meshing.messages import listed
 from .check import Check, as_table, in_a_line
 
 if TYPE_CHECKING:
     from ...converters.transfer import SampledMesh
-    from ...predictors.prediction import Numbered, PartChoice
     from ..walls import BuiltPart
 
 # A network's own E that leaves the range of the nearest row by more than this is told.

@@ -10,7 +10,7 @@ from typing import Any, Literal
 import numpy as np
 
 from ...fem.note import Note, severity_of
-from .sentences import template
+from . import template
 
 Outcome = Literal["passed", "failed", "doubtful", "not made"]
 Mark = Literal["good", "note", "warning", "unmade"]

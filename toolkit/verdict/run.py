@@ -18,14 +18,14 @@ from ...fem.mesh import TetMesh
 from ...fem.note import Note
 from ...predictors.asset import Asset
 from ..asset.document import Sidecar, mesh_document, versions
+from ..meshing.guarantees import ConversionReport
 from ..options import AssignOptions, WallOptions
 from .assignment import Assignment
 from .check import Check, as_table, in_a_line
-from .simulation import Simulation
+from .simulation import Simulation, StaticSimulation
 
 if TYPE_CHECKING:
     from ...predictors.appearance.features import VoxelFeatures
-    from ..meshing.guarantees import ConversionReport
 
 
 # Places of the dial: the soft end of what is not said, its middle, the stiff end.
@@ -89,7 +89,6 @@ class RunResult:
     def verdicts(self) -> list[list[Check]]:
         """Of every case: are its values usual, and can the eye tell it from the first one."""
         from .checks import distinguishable
-        from .simulation import StaticSimulation
 
         found = [case.assignment.verdicts() for case in self.cases]
         if self.turned:
@@ -142,8 +141,6 @@ def _order(cases: Sequence[Simulation]) -> Check:
     A linear body under one dead load stores less energy wherever it is made stiffer (Clapeyron: it
     is half the work of the load); its largest displacement need not fall.
     """
-    from .simulation import StaticSimulation
-
     if all(isinstance(case, StaticSimulation) for case in cases):
         given = [case.solved.static.energy for case in cases if isinstance(case, StaticSimulation)]
         does, unit = Note("checks.strains_by"), "J"

@@ -20,7 +20,7 @@ from ...fem.safety import PartStresses, Safety, part_safety, part_stresses, reac
 from ...fem.scene.loads import resultant
 from ...fem.scene.scene import Scene
 from ...fem.solve.method import SCENARIOS
-from ...fem.solve.result import Modes, MotionResult, ParticleRun, SagResult
+from ...fem.solve.result import Modes, MotionResult, ParticleRun, SagResult, energy_balance
 from ...fem.uncertainty import Draws, Exact, ranged_answers
 from ..asset.document import mesh_document
 from ..driving import DriveRecord
@@ -343,8 +343,6 @@ class MotionSimulation(Simulation):
     @property
     def numbers(self) -> dict[str, Any]:
         """Frames, step [s], largest motion and smallest gap [m], forces [N], energies [J]."""
-        from ...fem.solve.result import energy_balance
-
         motion, names, run = self.motion, self._piece_names, self.motion.particles
         largest = lambda force: float(np.linalg.norm(force, axis=1).max())  # noqa: E731
         # Forces of the obstacles, frame by frame, and of the pieces on each other

@@ -17,7 +17,7 @@ from ....predictors.appearance.features import features_of_views, matter_bounds,
 from ....predictors.appearance.segmentation import best_segmentation
 from ....predictors.appearance.surface import opaque_density
 from ....predictors.appearance.views import hemisphere
-from ....predictors.encoders.registry import Encoder
+from ....predictors.encoders import Encoder
 from ....predictors.grid import Grid
 from ..lab import srgb_of_lab
 from .actor import AuditObject

@@ -11,10 +11,10 @@ from typing import Any
 from ....fem.errors import InputError, UsageError
 from ....fem.mpm.materials import MaterialClass
 from ....fem.table import FIELDS, NU_CAP, Band, MaterialValue, Span
-from ..annotator import E_BOUNDS, RHO_BOUNDS
 from ..constraints import always_holds
 
-_BOUNDS = {"E": E_BOUNDS, "nu": (0.0, NU_CAP), "rho": RHO_BOUNDS}
+# E [Pa] from the softest gel to beyond diamond, rho [kg/m^3] from aerogel to beyond osmium.
+_BOUNDS = {"E": (1e1, 2e12), "nu": (0.0, NU_CAP), "rho": (0.5, 3e4)}
 _MOST_CONSTRAINTS = 60  # two fields of all pairs of six parts
 
 

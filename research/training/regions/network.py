@@ -8,8 +8,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from ....predictors.regions.measures import MEASURES, PAIRS
-from ....predictors.regions.network import EPSILON, HEADS, ORDER, WORDS
+from ....predictors.regions.network import EPSILON, HEADS, MEASURES, ORDER, PAIRS, WORDS
 from ....predictors.text.parts import KINDS
 
 WIDTH, LAYERS = 96, 3

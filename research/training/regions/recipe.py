@@ -14,7 +14,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from ....predictors.regions.division import assigned
-from ....predictors.regions.measures import MEASURES
+from ....predictors.regions.network import MEASURES
 from ....predictors.text.parts import KINDS
 from ...datasets.region_sets import RegionCorpus
 from ..options import TrainerOptions

@@ -9,8 +9,7 @@ import torch
 from torch import Tensor
 
 from ....predictors.matter import CategoriesByAppearance
-from ....predictors.regions.measures import Measured, pairs_of
-from ....predictors.regions.network import ORDER, PLACES, standardised
+from ....predictors.regions.network import ORDER, PLACES, Measured, pairs_of, standardised
 from ....predictors.text.parts import KINDS
 from ...datasets.region_sets import CLAUSES, NULL, RegionCorpus
 from ..kinds_by_looks import PENALTY, fit_kinds

@@ -18,22 +18,29 @@ SAYING = {
     "es": (["pieza", "tapa"], "la pieza es de {} y la tapa es de acero"),
 }
 BANDS = tomllib.loads(Path(__file__).with_name("handbooks.toml").read_text())
-NAMES = [
-    pytest.param(name, band, id=name)
-    for of_kind in BANDS.values()
-    for names, band in of_kind.items()
-    for name in names.split("; ")
-]
 
 
-@pytest.mark.parametrize(("name", "band"), NAMES)
-def test_a_name_gives_what_handbooks_give(name, band):
+@pytest.mark.parametrize("family", BANDS)
+def test_a_name_gives_what_handbooks_give(family):
+    """Each by itself; all that lie outside of their band are told, with what they give."""
+    wrong = [
+        f"{name}: {found}; wanted {band}"
+        for names, band in BANDS[family].items()
+        for name in names.split("; ")
+        if (found := _outside(name, band))
+    ]
+    assert not wrong, "\n".join(wrong)
+
+
+def _outside(name, band):
+    """Row, E and rho of what a name gives, where they leave the band."""
     E_min, E_max, rho_min, rho_max = band
     language, name = name.split(": ") if ": " in name else ("en", name)
     parts, saying = SAYING[language]
     labels = [[part] for part in parts]
     bound = read_sentence(saying.format(name), labels, TABLE)
     choice = LOOKUP.settle(labels, bound).choices[0]
-    found = f"{choice.row.name}: {choice.value.E / 1e9:.4g} GPa, {choice.value.rho:.0f} kg/m^3"
-    assert E_min <= choice.value.E / 1e9 <= E_max, found
-    assert rho_min <= choice.value.rho <= rho_max, found
+    E, rho = choice.value.E / 1e9, choice.value.rho
+    if E_min <= E <= E_max and rho_min <= rho <= rho_max:
+        return None
+    return f"{choice.row.name}: {E:.4g} GPa, {rho:.0f} kg/m^3"

@@ -9,14 +9,15 @@ from autophyx_tet.fem.errors import InputError
 from autophyx_tet.fem.table import load_table
 from autophyx_tet.predictors.encoders.minilm import MiniLM
 from autophyx_tet.predictors.regions.division import NULL, Regions, assigned, divide
-from autophyx_tet.predictors.regions.measures import MEASURES, measured
 from autophyx_tet.predictors.regions.network import (
+    MEASURES,
     WEIGHTS,
     Inputs,
     RegionNetwork,
     Said,
     Words,
     kind_index,
+    measured,
     part_vector,
     part_words,
 )

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 from autophyx_tet.predictors.appearance.features import PLAIN_FINISH, Appearance, cell_appearance
 from autophyx_tet.predictors.asset import Asset, Part, upright
-from autophyx_tet.predictors.regions.division import cut
-from autophyx_tet.predictors.regions.measures import MEASURES, measured, quarter_turned
-from autophyx_tet.predictors.regions.segment import MOST, segment
+from autophyx_tet.predictors.regions.division import MOST, cut, segment
+from autophyx_tet.predictors.regions.network import MEASURES, measured, quarter_turned
 
 RED, BLUE = np.array([0.8, 0.1, 0.1]), np.array([0.1, 0.1, 0.8])
 

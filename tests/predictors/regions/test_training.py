@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 import torch
 from autophyx_tet.predictors.matter import FEATURES
-from autophyx_tet.predictors.regions.measures import MEASURES
-from autophyx_tet.predictors.regions.network import RegionNetwork
+from autophyx_tet.predictors.regions.network import MEASURES, RegionNetwork
 from autophyx_tet.predictors.text.parts import KINDS
 from autophyx_tet.research.datasets.region_sets import (
     CLAUSES,
