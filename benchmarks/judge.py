@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from autophyx_tet.predictors.text import judge
+from autophyx_tet.predictors.text import tagger as judge
 from scipy.optimize import minimize
 from sentences import SETS, _read, assigned, is_right
 

@@ -15,8 +15,6 @@ from pathlib import Path
 
 from autophyx_tet.fem.table import load_table
 from autophyx_tet.predictors.text import tagger
-from autophyx_tet.predictors.text.lexing import in_english, lex
-from autophyx_tet.predictors.text.materials import lexicon_of
 from autophyx_tet.predictors.text.reader import read_sentence
 from autophyx_tet.research.training.tagger.templates import DATA
 from sentences import SETS, _read
@@ -48,18 +46,16 @@ def marked(names):
                 bound = read_sentence(sentence["text"], [[p] for p in parts], table)
                 if bound.sentence.text != sentence["text"]:
                     continue  # a table: the marks are at other places
-                lexed = lex(sentence["text"], lexicon_of(table), parts)
-                gloss = in_english(sentence["text"], lexed)
-                said = tagger.load_tagger().said(parts, sentence["text"], gloss)
-                found.append((said, bound, tagger.without_prefix(parts), lexed, wanted))
+                said = tagger.load_tagger().said(parts, sentence["text"], bound.sentence.gloss)
+                found.append((said, bound, tagger.without_prefix(parts), wanted))
     return found
 
 
 def likelihood(texts):
     """Logarithm of the likelihood of what is right, and how many parts and texts are."""
     total, parts, whole = 0.0, 0, 0
-    for said, bound, names, lexed, wanted in texts:
-        found, chances = tagger.chances_of(said, bound, names, lexed)
+    for said, bound, names, wanted in texts:
+        found, chances = tagger.chances_of(said, bound, names)
         right = []
         for likely, marks in zip(chances, wanted, strict=True):
             if marks is None:

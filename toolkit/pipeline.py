@@ -275,9 +275,9 @@ def _read(
 ) -> tuple[Bound, MaterialTable]:
     """What a text says of the regions of a mesh, read here, once; and the materials it may name."""
     from ..predictors.regions.division import region_numbers
-    from ..predictors.text.judge import with_second_opinion
     from ..predictors.text.one_piece import of_one_piece
     from ..predictors.text.reader import read_sentence
+    from ..predictors.text.tagger import with_second_opinion
 
     table = with_own_rows(options.table) if options.table else load_table()
     labels = sidecar.labels_of(mesh.region_names)

@@ -131,6 +131,13 @@ class Clause:
         return next(levels, None)
 
 
+class Gloss(NamedTuple):
+    """A text in English; the places of its words there, and then of the same words here."""
+
+    text: str
+    places: list[tuple[int, int, int, int]]
+
+
 @dataclass(frozen=True)
 class Sentence:
     """A text, read once: every later stage takes its clauses and not its characters.
@@ -142,6 +149,9 @@ class Sentence:
         mended, a language that is not English.
     thing: Words of its first noun phrase, without plurals: what it says that the object is.
     mute: Names of parts that it speaks of without a matter: "for the mast I have no idea yet".
+    matters: Where words stand that name materials, whatever of.
+    numbers: Where its numbers with units stand.
+    gloss: The text in English, word by word, if it is of another language.
     """
 
     text: str
@@ -150,6 +160,9 @@ class Sentence:
     notes: tuple[str, ...] = ()
     thing: tuple[str, ...] = ()
     mute: tuple[tuple[str, ...], ...] = ()
+    matters: tuple[tuple[int, int], ...] = ()
+    numbers: tuple[tuple[int, int], ...] = ()
+    gloss: Gloss | None = None
 
     @property
     def stated(self) -> tuple[Clause, ...]:

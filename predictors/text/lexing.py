@@ -16,6 +16,7 @@ from typing import NamedTuple
 
 from ...fem.note import Note
 from ...fem.table import Material
+from .clauses import Gloss
 from .english import Atom, Lexeme, Phrase, is_glue, words
 from .languages import data, glossed
 from .materials import (
@@ -138,13 +139,6 @@ def lex(text: str, lexicon: ReaderLexicon, names: Sequence[str]) -> Lexed:
 _REWRITES = [
     (re.compile(rule["find"]), rule["to"]) for rule in (*words()["rewrites"], *data()["rewrites"])
 ]
-
-
-class Gloss(NamedTuple):
-    """A text in English; the places of its words there, and then of the same words here."""
-
-    text: str
-    places: list[tuple[int, int, int, int]]
 
 
 def in_english(text: str, lexed: Lexed) -> Gloss | None:
@@ -779,7 +773,7 @@ def _decks(text: str) -> str:
         if system is None and "E" in numbers:
             system = (0, 0), 1.0 if numbers["E"] > 1e8 else 1e6 if _UNITS.search(text) else 0.0, 0.0
         E = numbers.get("E", 0.0) * system[1] if system else 0.0
-        if E < _SOFTEST:  # in units that nobody can tell
+        if system is None or E < _SOFTEST:  # in units that nobody can tell
             stated = [f"{measure} = {value:.10g}" for measure, value in numbers.items()]
             out += [f"{name}: {', '.join(stated)};" for name in called.get(key, [key])]
             continue
@@ -817,7 +811,8 @@ def _cards(lines: Sequence[str]) -> Iterator[_Card]:
                 if row.startswith("**"):
                     continue
                 if row.startswith("*"):
-                    kind = (_KEYWORD.match(row) or ["", ""])[1].upper()
+                    keyword = _KEYWORD.match(row)
+                    kind = keyword[1].upper() if keyword else ""
                     continue
                 values = [_real(cell) for cell in row.split(",")]
                 kinds = ("E", "nu") if kind == "ELASTIC" else ("rho",) if kind == "DENSITY" else ()

@@ -27,6 +27,7 @@ from .lexing import (
     Lexeme,
     bare_numbers,
     finer,
+    in_english,
     in_sentences,
     is_hue,
     join_comparisons,
@@ -61,6 +62,9 @@ def parse(text: str, table: MaterialTable, names: Sequence[str] = ()) -> Sentenc
         raise UsageError("reader.text_characters", count=len(text), longest=LONGEST)
     lexicon, text = lexicon_of(table), in_sentences(text, names)
     lexed = lex(text, lexicon, names)
+    gloss = in_english(text, lexed)
+    matters = tuple((x.start, x.end) for x in lexed.lexemes if x.role == "material")
+    numbers = tuple((x.start, x.end) for x in lexed.lexemes if x.role == "number")
     lexed.lexemes = point_back(one_of(lone_grades(bare_numbers(lexed.lexemes))))
     lexed.lexemes = finer(same_again(lexed.lexemes, lexicon), lexicon)
     cascade = Cascade(list(_tokens(join_comparisons(lexed.lexemes), lexicon)), lexicon)
@@ -105,6 +109,9 @@ def parse(text: str, table: MaterialTable, names: Sequence[str] = ()) -> Sentenc
         tuple(notes),
         _first_phrase(lexed.lexemes, {*grammar()["signs"], "sign"} - {"word"}),
         tuple(dict.fromkeys(mute)),
+        matters,
+        numbers,
+        gloss,
     )
 
 

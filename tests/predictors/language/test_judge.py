@@ -2,7 +2,7 @@
 
 import pytest
 from autophyx_tet.fem.table import load_table
-from autophyx_tet.predictors.text import judge
+from autophyx_tet.predictors.text import tagger as judge
 from autophyx_tet.predictors.text.clauses import Bound, BoundPart
 from autophyx_tet.predictors.text.reader import read_sentence
 from autophyx_tet.predictors.text.tagger import Said, Words, load_tagger, words_of

@@ -77,8 +77,8 @@ def test_numpy_reads_what_torch_trains(tmp_path):
 
 
 def test_a_designation_from_no_list_is_read():
-    from autophyx_tet.predictors.text.judge import with_second_opinion
     from autophyx_tet.predictors.text.reader import read_sentence
+    from autophyx_tet.predictors.text.tagger import with_second_opinion
 
     labels, table = [["retaining_ring"], ["wear_plate"]], load_table()
     text = "retaining ring CuSn12Ni2-C-GS, wear plate Hardwearalloy QX9"

@@ -2,8 +2,8 @@
 
 import pytest
 from autophyx_tet.fem.table import load_table
-from autophyx_tet.predictors.text.judge import relation_of
 from autophyx_tet.predictors.text.materials import lexicon_of
+from autophyx_tet.predictors.text.relations import relation_of
 
 LEXICON = lexicon_of(load_table())
 LABELS = [["Rib"], ["plate"], ["pad_A"]]

@@ -7,11 +7,8 @@ import numpy as np
 import pytest
 from autophyx_tet.fem.table import load_table
 from autophyx_tet.predictors.text import tagger
-from autophyx_tet.predictors.text.judge import with_second_opinion
-from autophyx_tet.predictors.text.lexing import in_english, lex
-from autophyx_tet.predictors.text.materials import lexicon_of
 from autophyx_tet.predictors.text.reader import read_sentence
-from autophyx_tet.predictors.text.tagger import Said, stretches, words_of
+from autophyx_tet.predictors.text.tagger import Said, stretches, with_second_opinion, words_of
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -97,17 +94,17 @@ def test_who_names_all_parts_keeps_them():
         bound = read_sentence(text, labels, TABLE)
         own = [own[0] for own in labels]
         said = tagger.load_tagger().said(own, text)
-        shared = tagger.shared_out(said, bound, own, lex(text, lexicon_of(TABLE), own))
+        shared = tagger.shared_out(said, bound, own)
         assert not any(one.moved for one in shared)
 
 
 def test_a_gloss_has_the_places_of_its_words():
     """Every word there stands for one here, in their order; English has no gloss."""
     text = "Gehäuse aus Edelstahl 1.4301, Deckel Eiche 12 mm"
-    gloss = in_english(text, lex(text, lexicon_of(TABLE), ["housing", "lid"]))
+    gloss = read_sentence(text, [["housing"], ["lid"]], TABLE).sentence.gloss
     assert gloss.text.startswith("housing of ")
     said = {text[c:d]: gloss.text[a:b] for a, b, c, d in gloss.places}
     assert (said["Gehäuse"], said["Deckel"], said["Eiche"]) == ("housing", "lid", "oak")
     assert [p[0] for p in gloss.places] == sorted(p[0] for p in gloss.places)
     english = "the housing is stainless steel"
-    assert in_english(english, lex(english, lexicon_of(TABLE), ["housing"])) is None
+    assert read_sentence(english, [["housing"]], TABLE).sentence.gloss is None

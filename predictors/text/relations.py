@@ -1,0 +1,119 @@
+"""What is said of a part beside another: "ten times the modulus of the bracket", "wie Deckel".
+
+The tagger finds the words; their beginnings, in four languages, tell what is compared, which way
+and how many times (``data/relations.toml``), and names of parts in them with what.
+"""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Sequence
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, Literal, NamedTuple
+
+from .languages import bare, languages
+from .materials import ReaderLexicon, atoms
+from .numerals import Comparison, number
+from .parts import parts_called
+
+_FACTOR = re.compile(
+    r"(?<![\w.,])(\d+(?:[.,]\d+)?) ?(?:x|×|-?fach\w*|[- ]?mal|times|fois|veces)(?!\w)"
+)
+_PERCENT = re.compile(r"(?<![\w.,])(\d+(?:[.,]\d+)?) ?%")
+_LONGEST = 4  # words of a part's name
+_MORE = 2.0  # times: what "stiffer" is at the least, and "softer" the other way
+
+
+class Relation(NamedTuple):
+    """A part, by its index, and how another is beside it: None for the same matter."""
+
+    other: int
+    comparison: Comparison | None
+
+
+@lru_cache(maxsize=1)
+def _data() -> dict[str, Any]:
+    return tomllib.loads((Path(__file__).parent / "data/relations.toml").read_text("utf-8"))
+
+
+def relation_of(
+    said: str, own: int, labels: Sequence[Sequence[str]], before: int | None, lexicon: ReaderLexicon
+) -> Relation | None:
+    """Return what words say of a part beside another, None where they say nothing of the kind.
+
+    said: Words of a relation.
+    own: Index of the part that they are said of.
+    labels: For each part its name, then all other words that the asset has for it.
+    before: The part that the text speaks of last before them, for "ditto".
+    """
+    data, low = _data(), said.lower()
+    tokens = re.findall(r"[^\W\d_]+", low)
+    measures: tuple[Literal["E", "rho"], ...] = ("E", "rho")
+    begun = {
+        m: next((w for w in tokens for b in data["measured"][m] if w.startswith(b)), "")
+        for m in measures
+    }
+    measure = next((m for m in measures if begun[m]), None)
+    found = _named(said, own, labels, lexicon)
+    if measure is None:
+        same = not {*tokens}.isdisjoint(data["same"]["words"]) or found is not None
+        other = before if found is None else found
+        return Relation(other, None) if same and other is not None else None
+    way = -1 if any(begun[measure].startswith(b) for b in data["less"]["of"]) else 1
+    way = -way if any(w.startswith(t) for w in tokens for t in data["less"]["turns"]) else way
+    times, share = _FACTOR.search(low), _PERCENT.search(low)
+    factor, exact = 1.0, True
+    if times:
+        factor = number(times[1])
+    elif share:
+        part = number(share[1]) / 100
+        factor = 1 + way * part if any(w in data["more"]["words"] for w in tokens) else part
+        way = 1
+    elif told := _first(data["times"], low):
+        factor = told
+    elif not {*tokens}.isdisjoint(data["more"]["equal"]):
+        factor = 1.0  # "as stiff as"
+    else:
+        more = way < 0 or any(w in data["more"]["words"] for w in tokens) or "er " in low
+        exact = not more
+        factor = (_first(data["vague"], low) or _MORE) if more else 1.0
+    if factor <= 0:
+        return None
+    if way < 0:
+        factor = 1 / factor if factor >= 1 else factor
+    other = before if found is None else found
+    if other is None:
+        return None
+    name = tuple(re.findall(r"[^\W_]+", labels[other][0]))
+    return Relation(other, Comparison(measure, factor, exact, name))
+
+
+def _first(factors: dict[str, list[str]], low: str) -> float | None:
+    spoken = ((low.find(w), float(f)) for f, ws in factors.items() for w in ws)
+    starts = [
+        (at, f) for at, f in spoken if at >= 0 and (at == 0 or not low[at - 1].isalpha())
+    ]  # fmt: skip
+    return min(starts)[1] if starts else None
+
+
+def _named(
+    said: str, own: int, labels: Sequence[Sequence[str]], lexicon: ReaderLexicon
+) -> int | None:
+    """Index of the part that words name, the longest name first."""
+    known = {word for names in labels for word in re.findall(r"[^\W\d_]+|\d+", names[0].lower())}
+    cut = [
+        a for a in atoms(said, lexicon.model, known)
+        if len(a.stem) > 1 or a.text.isupper() or a.text.isdigit()
+    ]  # fmt: skip
+    phrases = [
+        tuple(a.stem for a in cut[at : at + size])
+        for size in range(_LONGEST, 0, -1) for at in range(len(cut) - size + 1)
+    ]  # fmt: skip
+    phrases += [  # "la plaque" of a part "plate"
+        (english,) for a in cut for language in languages()
+        for english in language.names(bare(a.text)) if english
+    ]  # fmt: skip
+    found = (i for words in phrases for i in parts_called(words, labels) if i != own)
+    return next(found, None)
