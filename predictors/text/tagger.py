@@ -806,4 +806,5 @@ def _beside(
         (w.end, j) for j, said in enumerate(every) if j != i
         for w in said.words if w.role in ("matter", "number") and w.end <= at
     ]  # fmt: skip
-    return relation_of(told, i, labels, max(ends)[1] if ends else None, lexicon_of(table))
+    only = 1 - i if len(labels) == 2 else None
+    return relation_of(told, i, labels, max(ends)[1] if ends else only, lexicon_of(table))
