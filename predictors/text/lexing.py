@@ -726,6 +726,7 @@ _SOFTEST, _STIFFEST = 500.0, 2e12  # Pa
 _COMMENT = re.compile(r"^\s*(?:\*\*|\$|!|#|//|C )\s*(.*)$")
 _MAT1 = r"MAT1\*?[,\s]\s*\d+\s*[,\s][-+.,\s\d]"
 _NASTRAN = re.compile(rf"(?i)^{_MAT1}")
+_REMARK = re.compile(r"(?im)^(MAT1\b[^$!\n]*|MP,\w+,\s*(\d+)[^$!\n]*)[$!]+(.*)$")
 _BEGUN = re.compile(rf"(?im)^(?:\*MAT|MP,|\w+\s*=\s*DEFI_MATERIAU|{_MAT1})")
 _ANSYS = re.compile(rf"(?i)^MP,\s*(EX|PRXY|NUXY|DENS),\s*(\d+),\s*({_FIGURE})")
 _LS_DYNA = re.compile(r"(?i)^\*MAT_(?!ADD)\w+")
@@ -753,6 +754,7 @@ def _decks(text: str) -> str:
     """The text with a sentence in place of each material's cards; bare numbers in their units."""
     if not _BEGUN.search(text):
         return _in_units(text)
+    text = _REMARK.sub(_before_its_card, text)
     cards, called, said = [*_cards(text.splitlines())], dict[str, list[str]](), list[str]()
     for comment in filter(None, map(_COMMENT.match, text.splitlines())):
         for m in _CALLED.finditer(comment[1]):
@@ -778,11 +780,17 @@ def _decks(text: str) -> str:
             out += [f"{name}: {', '.join(stated)};" for name in called.get(key, [key])]
             continue
         E = E / 1e3 if E > _STIFFEST else E
-        values = [f"E = {E:.10g} Pa"] * (E > 0)
-        values += [f"nu = {numbers['nu']:.10g}"] * ("nu" in numbers)
-        values += [f"rho = {numbers['rho'] * system[2]:.10g} kg/m3"] * ("rho" in numbers)
-        out += [f"{name}: {', '.join(values)};" for name in called.get(key, [key])]
+        values = [f"E = {E:.10g} Pa"] + [f"nu = {numbers[n]:.10g}" for n in numbers if n == "nu"]
+        if "rho" in numbers:
+            values.append(f"rho = {numbers['rho'] * system[2]:.10g} kg/m3")
+        out += [f"{name}: {', '.join(values)};" for name in dict.fromkeys(called.get(key, [key]))]
     return "\n".join([*out, *said])
+
+
+def _before_its_card(found: re.Match) -> str:
+    """A comment at the end of a card, "MAT1,1,210000.,,.3 $ bracket", on a line before it."""
+    number = f"mat {found[2]} = " if found[2] else ""
+    return f"$ {number}{found[3].strip()}\n{found[1].rstrip()}"
 
 
 def _cards(lines: Sequence[str]) -> Iterator[_Card]:

@@ -154,3 +154,22 @@ def test_a_number_of_a_card_is_never_lost():
 def test_a_sentence_that_begins_as_a_card_does_is_none():
     text = "MAT1 1: E=71.7 GPa nu=.33 rho=2810 kg/m3 -> plate"
     assert in_sentences(text) == text
+
+
+@pytest.mark.parametrize(
+    "deck",
+    [
+        "$ units t-mm-s\nMAT1,7,2.1+5,,.3,7.85-9   $ Plate\nMAT1,8,7.+4,,.33,2.7-9 $ clip\n",
+        "MP,EX,1,210000 ! Plate\nMP,PRXY,1,.3\nMP,DENS,1,7.85e-9\nMP,EX,2,7e4 ! clip\n"
+        "MP,PRXY,2,.33\nMP,DENS,2,2.7e-9",
+    ],
+)
+def test_a_comment_behind_a_card_is_its_name(deck):
+    found = values(deck, ["Plate", "clip"])
+    assert found["Plate"] == pytest.approx(STEEL, rel=1e-9)
+    assert found["clip"] == pytest.approx(ALU, rel=1e-9)
+
+
+def test_a_card_without_a_density_or_nu_has_its_modulus():
+    """In the units that a comment tells, as nothing else does."""
+    assert in_sentences("$ units N-mm-t\n$ plate\nMAT1,1,210000.\n") == "plate: E = 2.1e+11 Pa;"
