@@ -12,6 +12,7 @@ import csv
 import re
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import NamedTuple
 
 from ...fem.note import Note
@@ -161,9 +162,14 @@ def in_english(text: str, lexed: Lexed) -> Gloss | None:
 
 def rewritten(text: str) -> str:
     """The text with what stands for other words written by them, in as many letters."""
+
+    def in_its_place(found: re.Match, to: str) -> str:
+        words = found.expand(to)
+        words = words.upper() if found[0].isupper() else words  # no small letters in what shouts
+        return words.ljust(len(found[0]))[: len(found[0])]
+
     for pattern, to in _REWRITES:
-        width = lambda m, to=to: m.expand(to).ljust(len(m[0]))[: len(m[0])]  # noqa: E731
-        text = pattern.sub(width, text)
+        text = pattern.sub(partial(in_its_place, to=to), text)
     return text
 
 

@@ -251,3 +251,14 @@ def test_what_is_said_once_more_and_otherwise_is_told(clauses_of):
     assert [doubt.kind for doubt in said.doubts] == ["reader.again"]
     (said,) = clauses_of("the lid is oak; it is walnut; the box is oak", ["lid", "box"])["lid"]
     assert not said.doubts
+
+
+def test_what_is_so_unless_said_otherwise(agree):
+    """In four languages, and where the whole text shouts."""
+    agree("""
+        MATERIAL UNLESS OTHERWISE STATED S355. PIN C45. => plate, rib: s355; pin: c45
+        unless otherwise noted 6082-T6; seal NBR => body, lid: 6082-t6; seal: nbr
+        Werkstoff wenn nicht anders angegeben S355. Buchse CuSn12. => Platte: s355; Buchse: tin bronze
+        MATIERE SAUF INDICATION CONTRAIRE : 6061-T6. VIS EN ACIER. => CORPS: 6061-t6; VIS: steel
+        Salvo indicación contraria S235. Eje de latón. => placa: s235; eje: brass
+    """)

@@ -173,3 +173,17 @@ def test_a_comment_behind_a_card_is_its_name(deck):
 def test_a_card_without_a_density_or_nu_has_its_modulus():
     """In the units that a comment tells, as nothing else does."""
     assert in_sentences("$ units N-mm-t\n$ plate\nMAT1,1,210000.\n") == "plate: E = 2.1e+11 Pa;"
+
+
+@pytest.mark.parametrize(
+    ("text", "rho"),
+    [
+        ("block: rigid PU foam 20 pcf, rod: steel", 320.4),
+        ("block: PU foam F1839 grade 20, rod: steel", 320.4),
+        ("block: rigid PU foam 60, rod: steel", 60.0),
+    ],
+)
+def test_a_number_behind_foam_is_a_density_in_its_unit(text, rho):
+    """ASTM F1839 counts its grades in lb/ft3 (16.018 kg/m3)."""
+    found = values(text, ["block", "rod"])
+    assert found["block"]["rho"] == pytest.approx(rho, rel=1e-3)
