@@ -607,8 +607,10 @@ def readings_of(
         r.reader: {(n.measure, n.value) for c in r.clauses for n in c.numbers} for r in readings
     }
 
-    if rows.get("words") == rows["grammar"] and stated.get("words", set()) < stated["grammar"]:
-        readings = [r for r in readings if r.reader != "words"]  # the same, and less
+    full = {r.reader: {c.filling for c in r.clauses} for r in readings}
+    same = bool(rows.get("words")) and rows["words"] == rows["grammar"]
+    if same and all(of["words"] <= of["grammar"] for of in (stated, full)):
+        readings = [r for r in readings if r.reader != "words"]  # the same matter, and no more
 
     def alike(a: str, b: str) -> float:
         one, two = rows.get(a, set()), rows.get(b, set())

@@ -258,7 +258,7 @@ def test_what_is_so_unless_said_otherwise(agree):
     agree("""
         MATERIAL UNLESS OTHERWISE STATED S355. PIN C45. => plate, rib: s355; pin: c45
         unless otherwise noted 6082-T6; seal NBR => body, lid: 6082-t6; seal: nbr
-        Werkstoff wenn nicht anders angegeben S355. Buchse CuSn12. => Platte: s355; Buchse: tin bronze
+        Material wenn nicht anders vermerkt S355. Buchse aus Messing. => Platte: s355; Buchse: brass
         MATIERE SAUF INDICATION CONTRAIRE : 6061-T6. VIS EN ACIER. => CORPS: 6061-t6; VIS: steel
         Salvo indicación contraria S235. Eje de latón. => placa: s235; eje: brass
     """)
