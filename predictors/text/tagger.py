@@ -172,16 +172,14 @@ class Tagger(MiniLM):
         if gloss is not None:
             there = words_of(gloss.text)
             others = self._of_words(asks, gloss.text, there)
-            same = [  # words of the gloss that stand for a word
-                [
-                    k for k, (c, d) in enumerate(there)
-                    if any(e < d and c < f and g < b and a < h for e, f, g, h in gloss.places)
-                ]
-                for a, b in words
-            ]  # fmt: skip
-            for k, own in enumerate(same):
+            here, at = _by_character(text, words), _by_character(gloss.text, there)
+            same: dict[int, set[int]] = {}  # words of the gloss that stand for a word
+            for start, end, first, last in gloss.places:
+                for k in {here[c] for c in range(first, last)} - {-1}:
+                    same.setdefault(k, set()).update({at[c] for c in range(start, end)} - {-1})
+            for k, own in same.items():
                 if own:
-                    found[:, k] = (found[:, k] + others[:, own].mean(axis=1)) / 2
+                    found[:, k] = (found[:, k] + others[:, sorted(own)].mean(axis=1)) / 2
         decided = {q: _decoded(text, words, p) for q, p in zip(asks, found, strict=True)}
         return [decided[q] for q in questions]
 
@@ -245,6 +243,14 @@ class Tagger(MiniLM):
 def words_of(text: str) -> list[Place]:
     """Where the words of a text stand, and its signs."""
     return [(m.start(), m.end()) for m in _WORD.finditer(text)]
+
+
+def _by_character(text: str, words: Sequence[Place]) -> list[int]:
+    """Which word each character of a text belongs to, -1 for none."""
+    out = [-1] * len(text)
+    for k, (start, end) in enumerate(words):
+        out[start:end] = [k] * (end - start)
+    return out
 
 
 def _decoded(text: str, words: Sequence[Place], chances: Float[np.ndarray, "words roles"]) -> Said:
