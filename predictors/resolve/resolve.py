@@ -808,10 +808,14 @@ def _choice(
 
 
 def _is_nearly(one: Material, other: Material) -> bool:
-    """Whether two rows differ by no more than grades do: a tenth in E of a metal, else a half."""
+    """Whether two rows differ by no more than grades do.
+
+    In E by a tenth (of a metal) or a half, in rho by .05 or .15.
+    """
     (a, _, b), (c, _, d) = one.value(), other.value()
-    E, rho = (0.1, 0.05) if one.category == "metal" else (0.5, 0.15)
-    return one.category == other.category and abs(a / c - 1) < E and abs(b / d - 1) < rho
+    E, rho = (1.1, 1.05) if one.category == "metal" else (1.5, 1.15)
+    near = max(a, c) < E * min(a, c) and max(b, d) < rho * min(b, d)
+    return one.category == other.category and near
 
 
 def _kind_taken(part: NamedPart, statement: PartStatement, row: Material) -> tuple[str, ...]:

@@ -131,11 +131,19 @@ class Clause:
         return next(levels, None)
 
 
+Place = tuple[int, int]  # where words start and end
+
+
+def over(a: Place, b: Place) -> bool:
+    """Whether two places have a character in common."""
+    return a[0] < b[1] and b[0] < a[1]
+
+
 class Gloss(NamedTuple):
     """A text in English; the places of its words there, and then of the same words here."""
 
     text: str
-    places: list[tuple[int, int, int, int]]
+    places: tuple[tuple[int, int, int, int], ...]
 
 
 @dataclass(frozen=True)

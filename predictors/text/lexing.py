@@ -157,16 +157,16 @@ def in_english(text: str, lexed: Lexed) -> Gloss | None:
         out += " " * (out[-1:].isalnum() and word[:1].isalnum())
         places.append((len(out), len(out) + len(word), x.start, x.end))
         out, at = out + word, x.end
-    return Gloss(out + text[at:], places)
+    return Gloss(out + text[at:], tuple(places))
 
 
 def rewritten(text: str) -> str:
     """The text with what stands for other words written by them, in as many letters."""
 
     def in_its_place(found: re.Match, to: str) -> str:
-        words = found.expand(to)
-        words = words.upper() if found[0].isupper() else words  # no small letters in what shouts
-        return words.ljust(len(found[0]))[: len(found[0])]
+        new = found.expand(to)
+        new = new.upper() if found[0].isupper() else new  # no small letters in what shouts
+        return new.ljust(len(found[0]))[: len(found[0])]
 
     for pattern, to in _REWRITES:
         text = pattern.sub(partial(in_its_place, to=to), text)
@@ -603,7 +603,8 @@ _SPACED = r"\s{2,}"  # columns that are aligned
 _WORDS = r"\s+(?![\[(])"  # columns of one word each but the last: "Part E [GPa] Material"
 _COLUMN_UNIT = re.compile(
     r"(?i)(?<![a-z])([kmg]?pa|(?:k|da)?N/mm(?:\^?2|²)|[km]?psi|ksi|msi)(?![a-z])"
-    r"|(?<![a-z])(k?g|t)[ /]?([cd]?m)[³3]|(?<![a-z])(lbs?|pcf)(?:/(?:cu\.? ?)?(in|ft)\^?[³3]?)?"
+    r"|(?<![a-z])(k?g|t)[ /]?([cd]?m)[³3]|(?<![a-z])(lbs?)/(?:cu\.? ?)?(in|ft)\^?[³3]?"
+    r"|(?<![a-z])pcf(?![a-z])"
 )
 _MEASURES = ("E", "nu", "rho")
 _ITEM = r"(?:pos(?:ition)?|item|no|nr|teil|rep(?:ère)?)\.? ?(\d+)"
@@ -666,8 +667,8 @@ def _unit(found: re.Match | None) -> str:
     if found is None:
         return ""
     if found[4]:
-        return "pcf" if found[4].lower() == "pcf" else f"lb/{found[5]}3"
-    return found[1] or f"{found[2]}/{found[3]}3"
+        return f"lb/{found[5]}3"
+    return found[1] or (f"{found[2]}/{found[3]}3" if found[2] else "pcf")
 
 
 def _column(name: str) -> str:
@@ -732,13 +733,14 @@ _SOFTEST, _STIFFEST = 500.0, 2e12  # Pa
 _COMMENT = re.compile(r"^\s*(?:\*\*|\$|!|#|//|C )\s*(.*)$")
 _MAT1 = r"MAT1\*?[,\s]\s*\d+\s*[,\s][-+.,\s\d]"
 _NASTRAN = re.compile(rf"(?i)^{_MAT1}")
+_OF_A_MEASURE = re.compile(r"(?i)young|modul|poisson|densit|\b(?:E|EX|nu|rho|[MG]?Pa|kg/m)\b")
 _REMARK = re.compile(r"(?im)^(MAT1\b[^$!\n]*|MP,\w+,\s*(\d+)[^$!\n]*)[$!]+(.*)$")
 _BEGUN = re.compile(rf"(?im)^(?:\*MAT|MP,|\w+\s*=\s*DEFI_MATERIAU|{_MAT1})")
 _ANSYS = re.compile(rf"(?i)^MP,\s*(EX|PRXY|NUXY|DENS),\s*(\d+),\s*({_FIGURE})")
 _LS_DYNA = re.compile(r"(?i)^\*MAT_(?!ADD)\w+")
 _ABAQUS = re.compile(r"(?i)^\*MATERIAL\b.*?NAME\s*=\s*[\"']?([^\"',]+)")
 _PROSE = re.compile(r"[a-z]{2}|(?:[^\W\d_]{2,}\W+){2}[^\W\d_]{2}")  # no card is so
-_IN_DECK = re.compile(r"(?i)\*|MAT\d|MP,|\w+\s*=\s*DEFI_MATERIAU|\*\*|\$|!|#|//|C ")
+_IN_DECK = re.compile(r"(?i:\*|MAT\d|MP,|\w+\s*=\s*DEFI_MATERIAU|\$|!|#|//)|C ")
 _KEYWORD = re.compile(r"(?i)^\*(ELASTIC|DENSITY)\b")
 _ASTER = re.compile(r"(?i)^(\w+)\s*=\s*DEFI_MATERIAU\s*\((.*)\)")
 _GIVEN = re.compile(rf"(?i)\b(E|NU|RHO)\s*=\s*({_FIGURE})")
@@ -781,20 +783,23 @@ def _decks(text: str) -> str:
         if system is None and "E" in numbers:
             system = (0, 0), 1.0 if numbers["E"] > 1e8 else 1e6 if _UNITS.search(text) else 0.0, 0.0
         E = numbers.get("E", 0.0) * system[1] if system else 0.0
-        if system is None or E < _SOFTEST:  # in units that nobody can tell
-            stated = [f"{measure} = {value:.10g}" for measure, value in numbers.items()]
-            out += [f"{name}: {', '.join(stated)};" for name in called.get(key, [key])]
-            continue
         E = E / 1e3 if E > _STIFFEST else E
-        values = [f"E = {E:.10g} Pa"] + [f"nu = {numbers[n]:.10g}" for n in numbers if n == "nu"]
-        if "rho" in numbers:
+        values = [f"E = {E:.10g} Pa"] * ("E" in numbers)
+        values += [f"nu = {value:.10g}" for name, value in numbers.items() if name == "nu"]
+        if "rho" in numbers and system:
             values.append(f"rho = {numbers['rho'] * system[2]:.10g} kg/m3")
+        if system is None or 0 < E < _SOFTEST:  # in units that nobody can tell
+            values = [f"{measure} = {value:.10g}" for measure, value in numbers.items()]
+        if not numbers:
+            continue
         out += [f"{name}: {', '.join(values)};" for name in dict.fromkeys(called.get(key, [key]))]
     return "\n".join([*out, *said])
 
 
 def _before_its_card(found: re.Match) -> str:
     """A comment at the end of a card, "MAT1,1,210000.,,.3 $ bracket", on a line before it."""
+    if _OF_A_MEASURE.search(found[3]):
+        return found[1].rstrip()
     number = f"mat {found[2]} = " if found[2] else ""
     return f"$ {number}{found[3].strip()}\n{found[1].rstrip()}"
 

@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 from ...fem.note import Note
 from ...fem.table import MaterialTable
-from .clauses import Bound, Clause, Subject, bind
+from .clauses import Bound, Clause, Place, Subject, bind, over
 from .english import Lexeme, load_model
 from .english import words as lists
 from .lexing import lex
@@ -30,20 +30,18 @@ _HERE = ("inside", "outside")  # where a part has no noun
 _VERBS = ("VB", "VBZ", "VBP", "UH")  # tags that a noun without an article may get: "runners steel"
 _NO_NOUN = ("number", "told", "size", "look", "material")
 
-Span = tuple[int, int]
-
 
 class Claim(NamedTuple):
     """Where a matter stands that the tagger finds for a noun, and how surely."""
 
-    matter: Span
-    noun: Span
+    matter: Place
+    noun: Place
     certainty: float
 
     @property
     def own(self) -> bool:
         """Whether the noun is the matter: "the soil"."""
-        return _over(self.matter, self.noun)
+        return over(self.matter, self.noun)
 
     @property
     def gap(self) -> int:
@@ -51,13 +49,9 @@ class Claim(NamedTuple):
         return max(self.matter[0] - self.noun[1], self.noun[0] - self.matter[1])
 
 
-def _over(a: Span, b: Span) -> bool:
-    return a[0] < b[1] and b[0] < a[1]
-
-
-def nouns(lexemes: Sequence[Lexeme]) -> list[Span]:
+def nouns(lexemes: Sequence[Lexeme]) -> list[Place]:
     """Where the nouns of each phrase stand, cut where matters stand among them."""
-    found: list[Span] = []
+    found: list[Place] = []
     last = -2  # where the noun before ends
     for x in lexemes:
         part = {*x.words[-1:]} & known_parts()
@@ -77,7 +71,7 @@ def nouns(lexemes: Sequence[Lexeme]) -> list[Span]:
     return found
 
 
-def owners(claims: Sequence[Claim], text: str) -> list[Span]:
+def owners(claims: Sequence[Claim], text: str) -> list[Place]:
     """The noun that has what all of these claim, and those that are joined to it."""
     claims = [c for c in claims if not c.own] or claims
     least = max(c.certainty for c in claims) - NEAR
@@ -106,7 +100,7 @@ def of_one_piece(bound: Bound, labels: Sequence[Sequence[str]], table: MaterialT
     if len(matters) < 2 or len(things) < 2:
         return bound
 
-    def asked(spans: Sequence[Span], *roles: str, others: Sequence[Span] = ()) -> list[Claim]:
+    def asked(spans: Sequence[Place], *roles: str, others: Sequence[Place] = ()) -> list[Claim]:
         names = [text[slice(*span)] for span in (*spans, *others)]
         said = load_tagger().said(names, text)[: len(spans)] if spans else []
         return [
@@ -115,18 +109,18 @@ def of_one_piece(bound: Bound, labels: Sequence[Sequence[str]], table: MaterialT
             for role, start, end in one.words if role in roles
         ]  # fmt: skip
 
-    def place(clause: Clause) -> Span:
+    def place(clause: Clause) -> Place:
         word = clause.phrase or clause.unknown
         at = text.find(word, clause.span[0]) if word else -1
         return (at, at + len(word)) if 0 <= at < clause.span[1] else clause.span
 
-    def name(noun: Span) -> tuple[str, ...]:
+    def name(noun: Place) -> tuple[str, ...]:
         return tuple(map(stem, re.findall(r"[^\W_]+", text[slice(*noun)])))
 
     def subject(claims: Sequence[Claim]) -> Subject:
         return Subject("parts", tuple(filter(None, map(name, owners(claims, text)))))
 
-    def is_meant(clause: Clause, here: Span) -> bool:
+    def is_meant(clause: Clause, here: Place) -> bool:
         """Whether its matter is of the thing, as far as its words and those around it tell."""
         if clause.unknown and all(map(lexicon.model.is_word, clause.unknown.lower().split())):
             return False  # "a lamp of the wall"
@@ -139,15 +133,15 @@ def of_one_piece(bound: Bound, labels: Sequence[Sequence[str]], table: MaterialT
             and stem(behind[1]) in part_words()["objects"]
         ):
             return False  # "a fruit bowl"
-        if any(_over(c.matter, here) for c in claims) or clause.subject.scope == "rest":
+        if any(over(c.matter, here) for c in claims) or clause.subject.scope == "rest":
             return True
         heads = {n[-1] for n in clause.subject.names}
         numbers = any(n.measure not in ("mass", "thickness") for n in clause.numbers)
         if numbers or clause.comparisons or clause.excluded:
             return True
         of_other = any(  # "soft leaves" are leaves all the same
-            any(_over(c.matter, x) for x in matters)
-            and ({*name(c.noun)[-1:]} & heads or _over(c.noun, here))
+            any(over(c.matter, x) for x in matters)
+            and ({*name(c.noun)[-1:]} & heads or over(c.noun, here))
             for c in claims
         )
         return row is not None and not of_other
@@ -156,23 +150,23 @@ def of_one_piece(bound: Bound, labels: Sequence[Sequence[str]], table: MaterialT
     spoken = [(clause, place(clause)) for clause in bound.sentence.clauses]
     stray = [(max(text.rfind(" ", *here) + 1, here[0]), here[1]) for c, here in spoken if c.phrase]
     taken = [*things, *(c.matter for c in claims)]
-    stray = [x for x in stray if x[0] < x[1] and not any(_over(x, y) for y in taken)]
+    stray = [x for x in stray if x[0] < x[1] and not any(over(x, y) for y in taken)]
     more = asked(stray, "matter", "number", others=things)
     claims += [
         c for c in more
-        if c.certainty > 1 - NEAR and not c.own and any(_over(c.matter, x) for x in matters)
+        if c.certainty > 1 - NEAR and not c.own and any(over(c.matter, x) for x in matters)
     ]  # fmt: skip
     claims = [  # "foliage: leaf" speaks of no leaf
         c for c in claims
         if not any(
-            _over(c.matter, d.noun) and _over(d.matter, c.noun) and c.certainty < d.certainty
+            over(c.matter, d.noun) and over(d.matter, c.noun) and c.certainty < d.certainty
             for d in claims
         )
     ]  # fmt: skip
     clauses: list[Clause] = []
-    heard: list[Span] = []
+    heard: list[Place] = []
     for clause, here in spoken:
-        mine = [c for c in claims if _over(c.matter, here)]
+        mine = [c for c in claims if over(c.matter, here)]
         meant = is_meant(clause, here)
         heard += [c.matter for c in mine if clause.material or not meant]
         if not meant:
@@ -189,16 +183,16 @@ def of_one_piece(bound: Bound, labels: Sequence[Sequence[str]], table: MaterialT
                 kept = tuple(n for n in names if n[-1] in claimed) or names
                 clause = replace(clause, subject=replace(clause.subject, names=kept))
         clauses.append(clause)
-    unheard = [c for c in claims if not any(_over(c.matter, span) for span in heard)]
+    unheard = [c for c in claims if not any(over(c.matter, span) for span in heard)]
     while unheard:
         first = max(unheard, key=lambda c: c.certainty)
-        same = [c for c in unheard if _over(c.matter, first.matter)]
+        same = [c for c in unheard if over(c.matter, first.matter)]
         unheard = [c for c in unheard if c not in same]
         words = text[slice(*first.matter)]
         read = parse(lists()["alone"][language].format(part="part", words=words), table).clauses
         new = next((c for c in read if c.material or c.coating), None)
         if new:
-            clauses = [c for c in clauses if c.material or not _over(place(c), first.matter)]
+            clauses = [c for c in clauses if c.material or not over(place(c), first.matter)]
             span = first.matter
             clauses.append(replace(new, text=words, span=span, subject=subject(same)))
     seen = [  # nobody sees what a coat is on

@@ -25,7 +25,7 @@ from jaxtyping import Float
 from ...fem.note import Note
 from ...fem.table import MaterialTable
 from ..encoders.minilm import MAX_TOKENS, MiniLM
-from .clauses import GENERAL, Bound, BoundPart, Clause, Gloss, Subject
+from .clauses import GENERAL, Bound, BoundPart, Clause, Gloss, Place, Subject, over
 from .english import words as lists
 from .materials import lexicon_of
 from .parts import places
@@ -86,9 +86,6 @@ def asked(question: Sequence[int], text: Sequence[int]) -> tuple[list[int], int]
     """Tokens of a question and a text, and how many of them stand before the text."""
     head = [CLS, *question[:LONGEST_QUESTION], SEP]
     return [*head, *text, SEP], len(head)
-
-
-Place = tuple[int, int]  # where words start and end
 
 
 class Words(NamedTuple):
@@ -292,7 +289,8 @@ def load_tagger() -> Tagger:
 # each other: no matter is said for nothing, parts of one name are mostly alike, and who writes a
 # list mostly keeps to one order. What speaks for an assignment of stretches of matter to parts is
 # summed in logarithms of odds (a conditional random field), a beam search over the parts in the
-# file's order keeps the best, and the chance of a stretch is the share of those that have it.
+# file's order keeps the best, and the chance of a stretch is the share of those that have it: in
+# long lists, whose kept assignments agree on the first parts, more of 0 and 1 than it should be.
 # ``benchmarks/sharing.py`` fits the weights.
 
 HEARD = 0.3  # chance from which a word may be of a matter
@@ -325,8 +323,8 @@ def stretches(text: str, every: Sequence[Said], matters: Sequence[Place]) -> lis
     chance = np.array([said.matter for said in every])
     excluded = [(w.start, w.end) for said in every for w in said.words if w.role == "excluded"]
     for k, (start, end) in enumerate(words):
-        listed = any(_over((start, end), x) for x in matters)
-        listed = listed and not any(_over((start, end), x) for x in excluded)
+        listed = any(over((start, end), x) for x in matters)
+        listed = listed and not any(over((start, end), x) for x in excluded)
         if not any(c.isalnum() for c in text[start:end]):
             continue
         if not listed and chance[:, k].max() <= HEARD:
@@ -354,14 +352,17 @@ def shared_out(every: Sequence[Said], bound: Bound, names: Sequence[str]) -> lis
     for own, likely in zip(every, chances, strict=True):
         best = int(likely.argmax())
         spans = [(w.start, w.end) for w in own.words if w.role in ("matter", "number")]
-        mine = [any(_over((s.start, s.end), x) for x in spans) for s in found]
+        mine = [any(over((s.start, s.end), x) for x in spans) for s in found]
         beside = not spans and any(w.role == "relation" for w in own.words)
         if best == len(found) or mine[best] or beside:
             share = float(likely[:-1][mine].sum() if any(mine) else likely[-1])
             said.append(replace(own, share=share))
             continue
         start, end, p = found[best].start, found[best].end, float(likely[best])
-        words = Words("matter", start, start + len(text[start:end].rstrip(".,;:!?")))
+        alone = not any(over((start, end), x) for x in bound.sentence.matters)
+        alone &= any(over((start, end), x) for x in bound.sentence.numbers)
+        last = start + len(text[start:end].rstrip(".,;:!?"))
+        words = Words("number" if alone else "matter", start, last)
         others = (w for w in own.words if w.role not in ("matter", "number", "relation"))
         anew = tuple(sorted((*others, words), key=lambda w: w.start))
         said.append(Said(anew, p, p, own.matter, p, moved=True))
@@ -382,7 +383,7 @@ def chances_of(
     first = [next(j for j in range(i + 1) if every[j] is said) for i, said in enumerate(every)]
     asked = [*dict.fromkeys(first)]
     if not found or len(asked) * len(found) > MOST:
-        return [], np.ones((len(every), 1))
+        return [], np.full((len(every), 1), 0.5)
     every_word = np.array([every[i].matter for i in asked])
     chance = np.stack([every_word[:, s.first : s.last + 1].mean(axis=1) for s in found], axis=1)
     odds = np.clip(chance, *SURE)
@@ -391,14 +392,14 @@ def chances_of(
         by_name = np.zeros(len(found), bool)
         for k, how in zip(bound.parts[i].clauses, bound.parts[i].how, strict=True):
             place = _place(bound.sentence.clauses[k], text)
-            here = np.array([_over(place, (s.start, s.end)) for s in found])
+            here = np.array([over(place, (s.start, s.end)) for s in found])
             if how in GENERAL:
                 score[row] += weights["in_general"] * here
             else:
                 by_name |= here
         if by_name.any():
             score[row] += np.where(by_name, weights["named"], -weights["named_another"])
-    listed = np.array([any(_over((s.start, s.end), x) for x in matters) for s in found])
+    listed = np.array([any(over((s.start, s.end), x) for x in matters) for s in found])
     heard = np.maximum(chance.max(axis=0), weights["listed"] * listed)
     kinds = [_called(names[i]) for i in asked]
     chances = _chances(score, weights["unclaimed"] * heard, kinds, weights)
@@ -448,10 +449,6 @@ def _place(clause: Clause, text: str) -> Place:
     words = clause.phrase or clause.unknown
     at = text.find(words, clause.span[0]) if words else -1
     return (at, at + len(words)) if 0 <= at < clause.span[1] else clause.span
-
-
-def _over(a: Place, b: Place) -> bool:
-    return a[0] < b[1] and b[0] < a[1]
 
 
 # The judge. Three read what a text says of a part: the grammar takes the whole text apart; the
@@ -583,8 +580,8 @@ def readings_of(
     if words and not known:
         others = names if len(names) <= MANY else names[i : i + 1]
         # What the name says of a matter is no second one: "EVA foam" of a part "BladeFoam"
-        told = any(word in table.phrases for word in part.split())
-        part = "part" if told else part
+        of_matter = any(word in table.phrases for word in part.split())
+        part = "part" if of_matter else part
         alone = parse(lists()["alone"][language].format(part=part, words=words), table, others)
         read = tuple(c for c in alone.clauses if c.says_matter)
         unread = bool(alone.unread) or any(c.doubts or c.unknown for c in read)
@@ -595,7 +592,9 @@ def readings_of(
         read = (*(c for c in read if not c.comparisons), clause)
     elif beside and beside.other not in asked:  # the same matter
         others, _ = readings_of(beside.other, bound, every, labels, table, asked | {i})
-        same = next((r.clauses for r in reversed(others[:2]) if r.clauses), ())
+        by = {r.reader: r.clauses for r in others}
+        order = ("words", "grammar", "phrase")
+        same = next((by[reader] for reader in order if by.get(reader)), ())
         read = tuple(c for c in same if c.says_matter) or read
     if read:
         readings.append(Reading("words", read))
@@ -631,7 +630,7 @@ def readings_of(
     ]  # fmt: skip
     shared = [  # words that the tagger has for other parts too
         any(not w.end <= a and not b <= w.start for a, b in spans) for other in every
-        if other is not said for w in other.words
+        if other.words != said.words for w in other.words
     ]  # fmt: skip
     sure = _logit(said.certainty)
     same_words = known or (bool(rows.get("words")) and rows["words"] <= rows["grammar"])

@@ -187,3 +187,19 @@ def test_a_number_behind_foam_is_a_density_in_its_unit(text, rho):
     """ASTM F1839 counts its grades in lb/ft3 (16.018 kg/m3)."""
     found = values(text, ["block", "rod"])
     assert found["block"]["rho"] == pytest.approx(rho, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("dimensions in mm unless otherwise specified, housing 6061", None),
+        ("MP,EX,1,2.1e11 ! Young's modulus\nMP,DENS,1,7850 ! density", "1: E = 2.1e+11 Pa, rho"),
+        ("*MATERIAL, NAME=STEEL\n*DENSITY\n7.85e-9", "STEEL: rho = 7850 kg/m3;"),
+        ("c channel is oak\nMAT1,1,210000.,,.3,7.85-9", "c channel is oak"),
+        ("part;material;lb\nbody;steel;2.4", "body: steel;"),
+    ],
+)
+def test_what_looks_like_a_unit_a_name_or_a_comment(text, said):
+    """It is one only where a card or a column says so."""
+    assert (said or text) in in_sentences(text)
+    assert "lb/None" not in in_sentences(text)
