@@ -629,17 +629,18 @@ class Decider:
         if alpha is not None:
             place, value = alpha, value._replace(E=choice.row.value(alpha).E)
         choice = replace(choice, value=value, alpha=place)
-        said = {"E", "rho"} <= {number.measure for number in statement.numbers}
+        measured = {number.measure for number in statement.numbers}
+        stated = {"E", "rho"} <= measured  # a name says no more of these
         value, derivation, warnings, exact = with_numbers(
             part.name, choice.row, choice.value, statement.numbers,
             blend=statement.first("blend"), volume=volume, within=within,
-            named=statement.naming is not None or (part.material is not None and not said),
+            named=statement.naming is not None or (part.material is not None and not stated),
         )  # fmt: skip
         derivation = (*heaped, *swims, *derivation)
         choice = replace(choice, value=value, derivation=derivation, exact=exact)
         if derivation and not statement.open:
             choice = replace(choice, settled=True)
-        if {*FIELDS} <= {number.measure for number in statement.numbers}:
+        if {*FIELDS} <= measured:
             choice = as_stated(choice)
         # Sentences about what was said of a part and could not be taken as it stands
         notes = []

@@ -147,7 +147,8 @@ def _entries(text: str) -> Iterator[tuple[Phrase, str]]:
     for entry in re.split(r"[;\n]", text):
         words, equals, english = entry.partition("=")
         for word in words.split(",") if equals else ():
-            yield tuple(re.findall(r"\w+", bare(word))), english.strip()
+            if phrase := tuple(re.findall(r"\w+", bare(word))):  # "-" is none
+                yield phrase, english.strip()
 
 
 def glossed(

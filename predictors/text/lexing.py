@@ -740,7 +740,7 @@ _ANSYS = re.compile(rf"(?i)^MP,\s*(EX|PRXY|NUXY|DENS),\s*(\d+),\s*({_FIGURE})")
 _LS_DYNA = re.compile(r"(?i)^\*MAT_(?!ADD)\w+")
 _ABAQUS = re.compile(r"(?i)^\*MATERIAL\b.*?NAME\s*=\s*[\"']?([^\"',]+)")
 _PROSE = re.compile(r"[a-z]{2}|(?:[^\W\d_]{2,}\W+){2}[^\W\d_]{2}")  # no card is so
-_IN_DECK = re.compile(r"(?i:\*|MAT\d|MP,|\w+\s*=\s*DEFI_MATERIAU|\$|!|#|//)|C ")
+_IN_DECK = re.compile(r"(?i)\*|MAT\d|MP,|\w+\s*=\s*DEFI_MATERIAU")
 _KEYWORD = re.compile(r"(?i)^\*(ELASTIC|DENSITY)\b")
 _ASTER = re.compile(r"(?i)^(\w+)\s*=\s*DEFI_MATERIAU\s*\((.*)\)")
 _GIVEN = re.compile(rf"(?i)\b(E|NU|RHO)\s*=\s*({_FIGURE})")
@@ -763,19 +763,18 @@ def _decks(text: str) -> str:
     if not _BEGUN.search(text):
         return _in_units(text)
     text = _REMARK.sub(_before_its_card, text)
-    cards, called, said = [*_cards(text.splitlines())], dict[str, list[str]](), list[str]()
-    for comment in filter(None, map(_COMMENT.match, text.splitlines())):
-        for m in _CALLED.finditer(comment[1]):
-            called.setdefault(m[1] or m[4], []).append(
-                (m[2] or m[3]).strip().replace(" + ", " and ")
-            )
-    for comment in filter(None, map(_COMMENT.match, text.splitlines())):
-        if not _SILENT.search(comment[1]) and all(comment[1] != card.key for card in cards):
-            said.append(f"{comment[1]};")
-    keys = {key.lower() for key, _ in cards}
+    lines = text.splitlines()
+    cards, called = [*_cards(lines)], dict[str, list[str]]()
+    comments = [found[1] for found in map(_COMMENT.match, lines) if found]
+    for m in (m for comment in comments for m in _CALLED.finditer(comment)):
+        called.setdefault(m[1] or m[4], []).append((m[2] or m[3]).strip().replace(" + ", " and "))
+    names = {card.key for card in cards}
+    said = [f"{one};" for one in comments if not _SILENT.search(one) and one not in names]
+    low = {name.lower() for name in names}
     said += [
-        line for line in map(str.strip, text.splitlines())
-        if _PROSE.search(line) and not _IN_DECK.match(line) and line.lower() not in keys
+        line for line in map(str.strip, lines)
+        if _PROSE.search(line) and not _IN_DECK.match(line) and not _COMMENT.match(line)
+        and line.lower() not in low
     ]  # fmt: skip
     out = []
     for key, numbers in cards:

@@ -13,9 +13,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
-from ...fem.note import Note
 from ...fem.table import MaterialTable
-from .clauses import Bound, Clause, Place, Subject, bind, over
+from .clauses import Bound, Clause, Place, Subject, bind, over, place_of
 from .english import Lexeme, load_model
 from .english import words as lists
 from .lexing import lex
@@ -93,8 +92,7 @@ def of_one_piece(bound: Bound, labels: Sequence[Sequence[str]], table: MaterialT
     table: Whose rows are materials.
     """
     text, lexicon = bound.sentence.text, lexicon_of(table)
-    notes = [note for note in bound.sentence.notes if isinstance(note, Note)]
-    language = next((n.values["language"] for n in notes if n.kind == "lexing.read_as"), "")
+    language = bound.sentence.language
     lexemes = lex(text, lexicon, ()).lexemes
     matters, things = [(x.start, x.end) for x in lexemes if x.role == "material"], nouns(lexemes)
     if len(matters) < 2 or len(things) < 2:
@@ -108,11 +106,6 @@ def of_one_piece(bound: Bound, labels: Sequence[Sequence[str]], table: MaterialT
             for span, one in zip(spans, said, strict=True)
             for role, start, end in one.words if role in roles
         ]  # fmt: skip
-
-    def place(clause: Clause) -> Place:
-        word = clause.phrase or clause.unknown
-        at = text.find(word, clause.span[0]) if word else -1
-        return (at, at + len(word)) if 0 <= at < clause.span[1] else clause.span
 
     def name(noun: Place) -> tuple[str, ...]:
         return tuple(map(stem, re.findall(r"[^\W_]+", text[slice(*noun)])))
@@ -147,7 +140,7 @@ def of_one_piece(bound: Bound, labels: Sequence[Sequence[str]], table: MaterialT
         return row is not None and not of_other
 
     claims = asked(things, "matter", "number", "coating")
-    spoken = [(clause, place(clause)) for clause in bound.sentence.clauses]
+    spoken = [(clause, place_of(clause, text)) for clause in bound.sentence.clauses]
     stray = [(max(text.rfind(" ", *here) + 1, here[0]), here[1]) for c, here in spoken if c.phrase]
     taken = [*things, *(c.matter for c in claims)]
     stray = [x for x in stray if x[0] < x[1] and not any(over(x, y) for y in taken)]
@@ -192,7 +185,9 @@ def of_one_piece(bound: Bound, labels: Sequence[Sequence[str]], table: MaterialT
         read = parse(lists()["alone"][language].format(part="part", words=words), table).clauses
         new = next((c for c in read if c.material or c.coating), None)
         if new:
-            clauses = [c for c in clauses if c.material or not over(place(c), first.matter)]
+            clauses = [
+                c for c in clauses if c.material or not over(place_of(c, text), first.matter)
+            ]
             span = first.matter
             clauses.append(replace(new, text=words, span=span, subject=subject(same)))
     seen = [  # nobody sees what a coat is on

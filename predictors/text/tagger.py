@@ -25,7 +25,7 @@ from jaxtyping import Float
 from ...fem.note import Note
 from ...fem.table import MaterialTable
 from ..encoders.minilm import MAX_TOKENS, MiniLM
-from .clauses import GENERAL, Bound, BoundPart, Clause, Gloss, Place, Subject, over
+from .clauses import GENERAL, Bound, BoundPart, Clause, Gloss, Place, Subject, over, place_of
 from .english import words as lists
 from .materials import lexicon_of
 from .parts import places
@@ -391,7 +391,7 @@ def chances_of(
     for row, i in enumerate(asked):
         by_name = np.zeros(len(found), bool)
         for k, how in zip(bound.parts[i].clauses, bound.parts[i].how, strict=True):
-            place = _place(bound.sentence.clauses[k], text)
+            place = place_of(bound.sentence.clauses[k], text)
             here = np.array([over(place, (s.start, s.end)) for s in found])
             if how in GENERAL:
                 score[row] += weights["in_general"] * here
@@ -442,13 +442,6 @@ def _called(name: str) -> str:
     """What parts are called that are told apart by numbers and sides."""
     words = [word for word in shown_name(name).split() if not word.isdigit()]
     return " ".join([word for word in words if word not in places()] or words)
-
-
-def _place(clause: Clause, text: str) -> Place:
-    """Where a clause's matter stands, or all of it."""
-    words = clause.phrase or clause.unknown
-    at = text.find(words, clause.span[0]) if words else -1
-    return (at, at + len(words)) if 0 <= at < clause.span[1] else clause.span
 
 
 # The judge. Three read what a text says of a part: the grammar takes the whole text apart; the
@@ -559,17 +552,16 @@ def readings_of(
     every: Sequence[Said],
     labels: Sequence[Sequence[str]],
     table: MaterialTable,
-    asked: frozenset[int] = frozenset(),
+    waiting: frozenset[int] = frozenset(),
 ) -> tuple[list[Reading], dict[str, float]]:
     """Readings of a part, the grammar's first, and facts about them that tell which is right.
 
-    ``asked`` are parts whose readings wait for this one's: "as the lid", "as the box".
+    ``waiting`` are parts whose readings wait for this one's: "as the lid", "as the box".
     """
     names = [own[0] for own in labels]
     text, said, part = bound.sentence.text, every[i], shown_name(names[i])
     own = tuple(bound.sentence.clauses[k] for k in bound.parts[i].clauses)
-    notes = [note for note in bound.sentence.notes if isinstance(note, Note)]
-    language = next((n.values["language"] for n in notes if n.kind == "lexing.read_as"), "")
+    language = bound.sentence.language
     readings = [Reading("grammar", own)]
     words = _words(said, text)
     # Words that the grammar has for it too, and no more
@@ -590,8 +582,8 @@ def readings_of(
         told = _related(said, text)
         clause = Clause(told, (0, 0), Subject("none"), comparisons=(beside.comparison,))
         read = (*(c for c in read if not c.comparisons), clause)
-    elif beside and beside.other not in asked:  # the same matter
-        others, _ = readings_of(beside.other, bound, every, labels, table, asked | {i})
+    elif beside and beside.other not in waiting:  # the same matter
+        others, _ = readings_of(beside.other, bound, every, labels, table, waiting | {i})
         by = {r.reader: r.clauses for r in others}
         order = ("words", "grammar", "phrase")
         same = next((by[reader] for reader in order if by.get(reader)), ())
@@ -611,10 +603,9 @@ def readings_of(
     stated = {
         r.reader: {(n.measure, n.value) for c in r.clauses for n in c.numbers} for r in readings
     }
-
-    full = {r.reader: {c.filling for c in r.clauses} for r in readings}
-    same = bool(rows.get("words")) and rows["words"] == rows["grammar"]
-    if same and all(of["words"] <= of["grammar"] for of in (stated, full)):
+    filled = {r.reader: {c.filling for c in r.clauses} for r in readings}
+    one_matter = bool(rows.get("words")) and rows["words"] == rows["grammar"]
+    if one_matter and all(of["words"] <= of["grammar"] for of in (stated, filled)):
         readings = [r for r in readings if r.reader != "words"]  # the same matter, and no more
 
     def alike(a: str, b: str) -> float:
@@ -629,7 +620,7 @@ def readings_of(
         if h not in GENERAL and k not in bound.parts[i].clauses
     ]  # fmt: skip
     shared = [  # words that the tagger has for other parts too
-        any(not w.end <= a and not b <= w.start for a, b in spans) for other in every
+        any(over((w.start, w.end), span) for span in spans) for other in every
         if other.words != said.words for w in other.words
     ]  # fmt: skip
     sure = _logit(said.certainty)
@@ -757,14 +748,13 @@ def _without_idle(
 
     def is_aside(start: int, length: int) -> bool:
         """Whether the tagger surely has these words for no part."""
-        here = any(a < start + length and start < b for a, b in heard)
+        here = any(over((start, start + length), x) for x in heard)
         return least > ASIDE and start >= 0 and not here
 
     used = {k for part in parts for k in part.clauses}
 
     def is_anew(k: int) -> bool:
-        start, end = clauses[k].span
-        return any(start < there and here < end for here, there in taken)
+        return any(over(clauses[k].span, x) for x in taken)
 
     stale = {k for k in range(len(clauses)) if k not in used and is_anew(k)}
     place = {k: n for n, k in enumerate(k for k in range(len(clauses)) if k not in stale)}
