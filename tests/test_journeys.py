@@ -25,7 +25,7 @@ def walks(journeys):
     return {"a sentence": journeys.walk_of_a_sentence(), "a modulus": journeys.walk_of_a_modulus()}
 
 
-@pytest.mark.long  # every call of ours is looked at
+@pytest.mark.slow  # every call of ours is looked at
 @pytest.mark.parametrize("name", LIMITS)
 def test_a_journey_is_short(walks, name):
     """A sentence from ``assign`` to the mesh, E from ``simulate`` to the report."""

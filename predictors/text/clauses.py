@@ -139,13 +139,6 @@ def over(a: Place, b: Place) -> bool:
     return a[0] < b[1] and b[0] < a[1]
 
 
-def place_of(clause: Clause, text: str) -> Place:
-    """Where a clause's matter stands in the text, or all of the clause."""
-    words = clause.phrase or clause.unknown
-    at = text.find(words, clause.span[0]) if words else -1
-    return (at, at + len(words)) if 0 <= at < clause.span[1] else clause.span
-
-
 class Gloss(NamedTuple):
     """A text in English; the places of its words there, and then of the same words here."""
 

@@ -14,14 +14,14 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from ...fem.table import MaterialTable
-from .clauses import Bound, Clause, Place, Subject, bind, over, place_of
+from .clauses import Bound, Clause, Place, Subject, bind, over
 from .english import Lexeme, load_model
 from .english import words as lists
 from .lexing import lex
 from .materials import lexicon_of
 from .parts import known_parts, part_words, stem
 from .reader import parse
-from .tagger import load_tagger
+from .tagger import load_tagger, place_of
 
 NEAR = 0.1  # of certainty: of nouns that are as sure the nearest has the matter
 _JOINED = re.compile(r"\s*(?:[,/+]\s*|,?\s*(?:&|and\b)\s*(?:\w+\s+)?)")  # "rail and four blades"

@@ -25,7 +25,7 @@ from jaxtyping import Float
 from ...fem.note import Note
 from ...fem.table import MaterialTable
 from ..encoders.minilm import MAX_TOKENS, MiniLM
-from .clauses import GENERAL, Bound, BoundPart, Clause, Gloss, Place, Subject, over, place_of
+from .clauses import GENERAL, Bound, BoundPart, Clause, Gloss, Place, Subject, over
 from .english import words as lists
 from .materials import lexicon_of
 from .parts import places
@@ -436,6 +436,13 @@ def _chances(
     for weight, one in zip(share / share.sum(), kept, strict=True):
         out[np.arange(parts), one[1]] += weight
     return out
+
+
+def place_of(clause: Clause, text: str) -> Place:
+    """Where a clause's matter stands in the text, or all of the clause."""
+    words = clause.phrase or clause.unknown
+    at = text.find(words, clause.span[0]) if words else -1
+    return (at, at + len(words)) if 0 <= at < clause.span[1] else clause.span
 
 
 def _called(name: str) -> str:
