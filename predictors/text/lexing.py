@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 from ...fem.note import Note
 from ...fem.table import Material
-from .clauses import Gloss
+from .clauses import Gloss, Place, over
 from .english import Atom, Lexeme, Phrase, is_glue, words
 from .languages import data, glossed
 from .materials import (
@@ -610,15 +610,16 @@ _MEASURES = ("E", "nu", "rho")
 _ITEM = r"(?:pos(?:ition)?|item|no|nr|teil|rep(?:ère)?)\.? ?(\d+)"
 
 
-def in_sentences(text: str, names: Collection[str] = ()) -> str:
+def in_sentences(text: str, names: Sequence[str] = (), lexicon: ReaderLexicon | None = None) -> str:
     """Return a text whose tables and decks have become sentences, a row or a card each.
 
     A table begins with a line that names its columns, one of them of parts and another of what
     these are of; columns of prices, numbers and the like are left out. Of numbers the unit may
     stand in the name of their column. A row without such a line begins with one of the parts'
-    ``names``.
+    ``names``. Lists by position want a ``lexicon``, which knows what is a matter.
     """
     known = {name.lower() for name in names}
+    text = _by_position(text, names, lexicon) if lexicon else text
     text = _under_units(_decks(_with_positions(text, names)))
     lines, out = text.splitlines(), list[str]()
     while lines:
@@ -660,6 +661,77 @@ def _with_positions(text: str, names: Collection[str]) -> str:
         items |= {m[1]: name for m in found}
     same = rf"(?i),?(?<!\w)(?: ?)(?<!\w)(as|like|wie|comme|como) ({_ITEM})(?!\w)"
     return re.sub(same, lambda m: f" {m[1]} {items.get(m[3], m[2])}", text)
+
+
+# Lists by position: "in file order: walnut, brass, glass", "race, ball, cage -> 100Cr6, Si3N4, PA".
+
+_ORDER = re.compile(words()["order"]["pattern"])
+_SENTENCE = re.compile(
+    r"[^\s;,.].*?(?=\n|;\s|(?<=\w{2}|.[)%])\.\s+[A-ZÄÖÜÉ]|\.?\s*$)", re.MULTILINE
+)
+_BEFORE_LIST = re.compile(
+    r":(?=\s)|[-=]>|→|(?<=\s)(?:are|sind|sont|son)(?: made)?(?: of| from| in| aus| en| de)?(?=\s)"
+)
+_COMMA = r",(?!\d)"
+_SIGNS = (
+    rf"{_COMMA}|(?<=\s)(?:and|und|et|y|then|dann|puis)(?=\s)", _COMMA, r"(?<=\s)/(?=\s)", r"\|"
+)  # fmt: skip
+_WORDED, _LAST_NUMBER = re.compile(r"[^\W\d_]"), re.compile(r"\d+$")
+_LEAST = 3  # things of two lists that are taken for one where no order is told
+
+
+def _by_position(text: str, names: Sequence[str], lexicon: ReaderLexicon) -> str:
+    """The text with a sentence for each two things of lists that go on alike.
+
+    The first list may be the file's parts, where the text says that it keeps an order.
+    """
+    plain = re.sub(r"\(\s*\)", _blank, _ORDER.sub(_blank, text))
+    out, at, lexemes = "", 0, list[Lexeme]()
+    for found in _SENTENCE.finditer(text):
+        head, (start, end) = _BEFORE_LIST.search(plain, *found.span()), found.span()
+        told = plain[start:end] != text[start:end]
+        for sign in _SIGNS:
+            things = _items(plain, start, head.start(), sign) if head else []
+            matters = _items(plain, head.end() if head else start, end, sign)
+            listed = len(things) == len(matters) >= (2 if told else _LEAST)
+            if len(matters) < 2 or not (told or listed):
+                continue
+            lexemes = lexemes or lex(text, lexicon, names).lexemes
+            called = [text[a:b] for a, b in things] if listed else _of_number(len(matters), names)
+            if listed and not any(map(_WORDED.search, called[1:])):  # "rollers 1, 2 and 3"
+                called = [called[0], *(_LAST_NUMBER.sub(n, called[0]) for n in called[1:])]
+            spoken = [[x for x in lexemes if over(item, (x.start, x.end))] for item in matters]
+            known = [any(x.role in ("material", "number") for x in own) for own in spoken]
+            named = (x.part and x.role != "material" for own in spoken for x in own)
+            if not called or sum(known) < len(known) - 1 or any(named):
+                continue
+            said = (f"{name}: {text[a:b]}" for name, (a, b) in zip(called, matters, strict=True))
+            out, at = f"{out}{text[at:start]}{'; '.join(said)}", end
+            break
+    return out + text[at:]
+
+
+def _blank(found: re.Match) -> str:
+    return " " * len(found[0])
+
+
+def _items(text: str, start: int, end: int, sign: str) -> list[Place]:
+    """Where the things of a list stand that a sign parts."""
+    cut = [m.span() for m in re.compile(sign).finditer(text, start, end)]
+    ends = zip([start, *(b for _, b in cut)], [*(a for a, _ in cut), end], strict=True)
+    found = (re.compile(r"[^\s.,](?:.*[^\s.,])?").search(text, a, b) for a, b in ends)
+    return [m.span() for m in found if m]
+
+
+def _of_number(count: int, names: Sequence[str]) -> list[str]:
+    """The parts, if so many, or else those of the only name that so many have."""
+    if len(names) == count:
+        return [*names]
+    kinds: dict[Phrase, list[str]] = {}
+    for name in names:
+        kinds.setdefault(tuple(w for w in part_name_words(name) if w.isalpha()), []).append(name)
+    found = [own for own in kinds.values() if len(own) == count]
+    return found[0] if len(found) == 1 else []
 
 
 def _unit(found: re.Match | None) -> str:

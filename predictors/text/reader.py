@@ -60,7 +60,8 @@ def parse(text: str, table: MaterialTable, names: Sequence[str] = ()) -> Sentenc
     """
     if len(text) > LONGEST:
         raise UsageError("reader.text_characters", count=len(text), longest=LONGEST)
-    lexicon, text = lexicon_of(table), in_sentences(text, names)
+    lexicon = lexicon_of(table)
+    text = in_sentences(text, names, lexicon)
     lexed = lex(text, lexicon, names)
     gloss = in_english(text, lexed)
     matters = tuple((x.start, x.end) for x in lexed.lexemes if x.role == "material")

@@ -3,6 +3,7 @@
 import pytest
 from autophyx_tet.fem.table import load_table
 from autophyx_tet.predictors.text.lexing import in_sentences
+from autophyx_tet.predictors.text.materials import lexicon_of
 from autophyx_tet.predictors.text.reader import read_sentence
 
 TABLE = load_table()
@@ -203,3 +204,59 @@ def test_what_looks_like_a_unit_a_name_or_a_comment(text, said):
     """It is one only where a card or a column says so."""
     assert (said or text) in in_sentences(text)
     assert "lb/None" not in in_sentences(text)
+
+
+ORDERS = {
+    "in file order": "oak brass glass PTFE",
+    "in this order": "oak brass glass PTFE",
+    "top to bottom": "oak brass glass PTFE",
+    "der Reihe nach": "Eiche Messing Glas PTFE",
+    "in dieser Reihenfolge": "Eiche Messing Glas PTFE",
+    "dans l'ordre": "chêne laiton verre PTFE",
+    "de la première à la quatrième": "chêne laiton verre PTFE",
+    "en este orden": "roble latón vidrio PTFE",
+    "de arriba abajo": "roble latón vidrio PTFE",
+}
+MEANT = ["oak", "brass", "glass (generic)", "PTFE"]
+
+
+@pytest.mark.parametrize("told", ORDERS)
+@pytest.mark.parametrize("order", [(0, 1, 2, 3), (3, 2, 0, 1), (1, 1, 3, 0)])
+def test_a_list_that_keeps_an_order_names_the_parts(clauses_of, told, order):
+    """Words of matter may be said twice; the order may stand before the list or after it."""
+    each = [ORDERS[told].split()[k] for k in order]
+    meant = [TABLE.exact(MEANT[k]).name for k in order]
+    for names in (["x_1", "x_2", "x_3", "x_4"], ["case", "P02_door", "knob", "Spring"]):
+        for text in (f"{told}: {', '.join(each)}.", f"{' / '.join(each)} ({told})"):
+            found = clauses_of(text, names)
+            assert [[c.material for c in found[name]] for name in names] == [[m] for m in meant]
+
+
+@pytest.mark.parametrize(
+    ("text", "names"),
+    [
+        ("ring, ball, cage: 100Cr6, Si3N4, PA66", "ring ball cage"),
+        ("ring / ball / cage -> 100Cr6 / Si3N4 grade 5 / PA66", "ring ball cage"),
+        ("Rings, balls and cage (in that order): 100Cr6, Si3N4 and PA66. Cheap", "ring ball cage"),
+        ("ring, ball and cage are 100Cr6, Si3N4 and PA66 respectively", "ring ball cage"),
+        ("the rollers 1, 2 and 3 are 100Cr6, Si3N4 and PA66 in this order", "roller_1 roller_2 roller_3"),
+        ("lid oak; pins in order: 100Cr6, Si3N4, PA66", "lid pin_a1 pin_a2 pin_a3"),
+    ],
+)  # fmt: skip
+def test_two_lists_that_go_on_alike(clauses_of, text, names):
+    found = clauses_of(text, names.split())
+    read = [found[name][0].material for name in names.split() if name != "lid"]
+    assert read == [TABLE.phrases[m].name for m in ("100cr6", "si3n4", "pa66")]
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "the order is urgent: oak, steel, two weeks",
+        "legs, seat, back: oak, painted white, waxed",
+        "in file order: oak, steel",  # of three parts
+        "top to bottom: oak back, steel legs, foam seat",  # the list names them itself
+    ],
+)
+def test_what_is_no_list_by_position_stays(text):
+    assert in_sentences(text, ["legs", "seat", "back"], lexicon_of(TABLE)) == text
