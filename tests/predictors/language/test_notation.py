@@ -239,7 +239,7 @@ def test_a_list_that_keeps_an_order_names_the_parts(clauses_of, told, order):
         ("ring / ball / cage -> 100Cr6 / Si3N4 grade 5 / PA66", "ring ball cage"),
         ("Rings, balls and cage (in that order): 100Cr6, Si3N4 and PA66. Cheap", "ring ball cage"),
         ("ring, ball and cage are 100Cr6, Si3N4 and PA66 respectively", "ring ball cage"),
-        ("the rollers 1, 2 and 3 are 100Cr6, Si3N4 and PA66 in this order", "roller_1 roller_2 roller_3"),
+        ("the pins 1, 2 and 3 are 100Cr6, Si3N4 and PA66 in this order", "pin_1 pin_2 pin_3"),
         ("lid oak; pins in order: 100Cr6, Si3N4, PA66", "lid pin_a1 pin_a2 pin_a3"),
     ],
 )  # fmt: skip
