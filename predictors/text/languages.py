@@ -152,11 +152,17 @@ def _entries(text: str) -> Iterator[tuple[Phrase, str]]:
 
 
 def glossed(
-    cut: list[Atom], lexicon: ReaderLexicon, known: Collection[str], *, foreign: bool = False
+    cut: list[Atom],
+    lexicon: ReaderLexicon,
+    known: Collection[str],
+    *,
+    foreign: bool = False,
+    language: str = "",
 ) -> Glossed | None:
     """Return a text's words in English where it is of another language, None where it is not.
 
-    ``foreign`` says that it is not English, so that few words are enough to say what it is.
+    ``foreign`` says that it is not English, so that few words are enough to say what it is;
+    ``language`` says what it is.
     """
     shouts = not any(c.islower() for atom in cut for c in atom.text)
     words = [
@@ -178,20 +184,22 @@ def glossed(
     names |= {_DIGRAPH.sub("", name): word for name, word in names.items()}  # "gehaeuse"
     best, most = None, 0
     called = {i for i, word in words if word in names}
-    for language in languages():
-        read = {i for i, word in words if language.of((word,))}
-        small = {i for i, word in words if (word,) in language.small}
+    for each in languages():
+        read = {i for i, word in words if each.of((word,))}
+        small = {i for i, word in words if (word,) in each.small}
         both = english - {i for i in small if cut[i].text.lower() not in small_words("en")}
         own = len(read - both) - len(both - read - called)
         strange = {i for i, _ in words} - read - both - called
         sure = foreign or 2 * own >= len(strange)
         if own > most and sure and read - english:  # some word of its own: not "chrome moly"
-            best, most = language, own
+            best, most = each, own
+    if language:
+        best = next(each for each in languages() if each.name == language)
     if best is None:
         return None
     low = [cut[i].text.lower() for i, _ in words]
     others = (sum(word in small_words(code) for word in low) for code in OTHERS)
-    if max(others) > sum(best.of((word,)) is not None for _, word in words):
+    if not language and max(others) > sum(best.of((word,)) is not None for _, word in words):
         return None
     # Words for the same part are one: "yeux" of a part "oeil_g"
     alike = [(best.names(name), own) for name, own in names.items()]

@@ -47,8 +47,8 @@ class Lexed:
     notes: list[str]
 
 
-def lex(text: str, lexicon: ReaderLexicon, names: Sequence[str]) -> Lexed:
-    """Cut a text into lexemes and tag them."""
+def lex(text: str, lexicon: ReaderLexicon, names: Sequence[str], *, language: str = "") -> Lexed:
+    """Cut a text, in a language that its words tell where none is given, into tagged lexemes."""
     known = {word for name in names for word in part_name_words(name)}
     text = rewritten(text)
     # What stands around a matter; "quenched and tempered" stays of the row that is called so
@@ -65,21 +65,23 @@ def lex(text: str, lexicon: ReaderLexicon, names: Sequence[str]) -> Lexed:
     text = re.sub(r"\(\s*\)", lambda m: " " * len(m[0]), text)  # "modulus (ISO 527) 2000 MPa"
     text, loads = without_loads(text)
     cut = atoms(text, lexicon.model, known)
-    foreign, notes, strange, mended = glossed(cut, lexicon, known), [], set[int](), {}
-    if not foreign:
+    gloss, notes, strange, mended = (
+        glossed(cut, lexicon, known, language=language), [], set[int](), {},
+    )  # fmt: skip
+    if not gloss:
         english, notes, strange, mended = mended_spelling(text, cut, lexicon, known)
         if notes:  # no English
-            foreign = glossed(cut, lexicon, known, foreign=True)
+            gloss = glossed(cut, lexicon, known, foreign=True)
         cut = english
-    if foreign:
-        notes = [Note("lexing.read_as", language=foreign.language)]
-        cut, strange, mended = foreign.atoms, foreign.unknown, {}
+    if gloss:
+        notes = [Note("lexing.read_as", language=gloss.language)]
+        cut, strange, mended = gloss.atoms, gloss.unknown, {}
     if not cut:
         return Lexed([], [*loads, *notes])
     out: list[Lexeme] = []
     materials = named_materials(text, cut, lexicon, known, several=len(names) > 1)
-    for atom in cut if foreign else ():  # "mantequilla" of a part that is called so
-        row = lexicon.first_row([foreign.matter.get(atom.start, "")]) if foreign else None
+    for atom in cut if gloss else ():  # "mantequilla" of a part that is called so
+        row = lexicon.first_row([gloss.matter.get(atom.start, "")]) if gloss else None
         if row and atom.stem in known:
             own = (atom.stem,)
             materials.append(
@@ -128,7 +130,7 @@ def lex(text: str, lexicon: ReaderLexicon, names: Sequence[str]) -> Lexed:
         )
         for x, tag in zip(lexemes, lexicon.model.tags(shown), strict=True)
     ]  # fmt: skip
-    if foreign:  # a compound is told whole: "Stahlrohr", of which steel has the first half
+    if gloss:  # a compound is told whole: "Stahlrohr", of which steel has the first half
         whole = list(re.finditer(r"[^\W\d_]+", text))
         for i, x in enumerate(lexemes):
             inside = (m[0] for m in whole if m.start() <= x.start and x.end <= m.end())

@@ -362,7 +362,8 @@ def mended_spelling(
             for side in sides
         )
         near = None if glued else _nearest(cut[i], lexicon, known)
-        if near:
+        coined = re.match(r"-\d", text[cut[i].end :])  # "quindle-7" is no quince
+        if near and not (coined and _skeleton(cut[i].text.lower()) != _skeleton(near)):
             mended[i] = cut[i]._replace(stem=near, text=near)
             notes[cut[i].start] = Note("lexing.spelt", word=cut[i].text, near=near)
     for i, (atom, after) in enumerate(pairwise(mended)):  # "caste iron"

@@ -49,12 +49,15 @@ _GROUPED = (
 ).split()
 
 
-def parse(text: str, table: MaterialTable, names: Sequence[str] = ()) -> Sentence:
+def parse(
+    text: str, table: MaterialTable, names: Sequence[str] = (), *, language: str = ""
+) -> Sentence:
     """Return what a text says of materials, read once.
 
     text: Plain English, as a sentence, a list, a table or a note.
     table: Whose rows are materials.
     names: What the asset calls its parts: a word of theirs is a part before it is a material.
+    language: What it is in, "" where its words tell.
     Raises UsageError: Where the text is longer than ``LONGEST`` characters.
     Raises InputError: Where the English model is not installed.
     """
@@ -62,7 +65,7 @@ def parse(text: str, table: MaterialTable, names: Sequence[str] = ()) -> Sentenc
         raise UsageError("reader.text_characters", count=len(text), longest=LONGEST)
     lexicon = lexicon_of(table)
     text = in_sentences(text, names, lexicon)
-    lexed = lex(text, lexicon, names)
+    lexed = lex(text, lexicon, names, language=language)
     gloss = in_english(text, lexed)
     matters = tuple((x.start, x.end) for x in lexed.lexemes if x.role == "material")
     numbers = tuple((x.start, x.end) for x in lexed.lexemes if x.role == "number")

@@ -267,6 +267,7 @@ def _decoded(text: str, words: Sequence[Place], chances: Float[np.ndarray, "word
         end = start + (len(text[start:end].rstrip(".,;:!?")) or end - start)
         gap = text[found[-1].end : start] if found else None
         joins = gap is not None and "\n" not in gap and gap.strip() in ("", "-", "–")
+        joins |= gap == "/" and {found[-1].role, ROLES[role]} == {"number"}  # "lb/in^3"
         if joins and _kin(found[-1].role, ROLES[role]):
             found[-1] = found[-1]._replace(end=end)
         else:
@@ -399,6 +400,8 @@ def chances_of(
                 by_name |= here
         if by_name.any():
             score[row] += np.where(by_name, weights["named"], -weights["named_another"])
+        elif _points(bound, i):  # "same as the stem": no words of its own
+            score[row] -= weights["named"]
     listed = np.array([any(over((s.start, s.end), x) for x in matters) for s in found])
     heard = np.maximum(chance.max(axis=0), weights["listed"] * listed)
     kinds = [_called(names[i]) for i in asked]
@@ -443,6 +446,12 @@ def place_of(clause: Clause, text: str) -> Place:
     words = clause.phrase or clause.unknown
     at = text.find(words, clause.span[0]) if words else -1
     return (at, at + len(words)) if 0 <= at < clause.span[1] else clause.span
+
+
+def _points(bound: Bound, i: int) -> bool:
+    """Whether the grammar has a part's matter from what is said of another: "same as the lid"."""
+    own = [bound.sentence.clauses[k] for k in bound.parts[i].clauses]
+    return any(c.phrase and c.phrase not in bound.sentence.text[slice(*c.span)] for c in own)
 
 
 def _called(name: str) -> str:
@@ -521,6 +530,7 @@ def with_second_opinion(
             plain = chance > judge.plain
             for place, k in enumerate(parts[i].clauses):
                 kept = [d for d in clauses[k].doubts if not plain or _kind(d) not in _BESIDE]
+                kept = [d for d in kept if not _is_settled(d, plain, i, text, every)]
                 anew = (*kept, *doubts) if clauses[k].says_matter else tuple(kept)
                 if anew == clauses[k].doubts:
                     continue
@@ -546,6 +556,7 @@ def with_second_opinion(
             found = [replace(c, doubts=(*c.doubts, note)) for c in found]
         again = [d for k in parts[i].clauses for d in clauses[k].doubts]
         again = [d for d in again if _kind(d) == "reader.again"]
+        again = [d for d in again if not _is_settled(d, chance > judge.plain, i, text, every)]
         new = range(len(clauses), len(clauses) + len(found))
         clauses += [replace(c, doubts=(*c.doubts, *again)) for c in found]
         parts[i] = BoundPart(tuple(new), ("name",) * len(new))
@@ -581,7 +592,8 @@ def readings_of(
         # What the name says of a matter is no second one: "EVA foam" of a part "BladeFoam"
         of_matter = any(word in table.phrases for word in part.split())
         part = "part" if of_matter else part
-        alone = parse(lists()["alone"][language].format(part=part, words=words), table, others)
+        saying = lists()["alone"][language].format(part=part, words=words)
+        alone = parse(saying, table, others, language=language)
         read = tuple(c for c in alone.clauses if c.says_matter)
         unread = bool(alone.unread) or any(c.doubts or c.unknown for c in read)
     beside = _beside(i, text, every, labels, table)
@@ -630,6 +642,11 @@ def readings_of(
         any(over((w.start, w.end), span) for span in spans) for other in every
         if other.words != said.words for w in other.words
     ]  # fmt: skip
+    strange = [  # of what is no part: "the gasket is graphite"
+        bound.sentence.clauses[k].span
+        for k in bound.unbound
+        if bound.sentence.clauses[k].subject.names
+    ]
     sure = _logit(said.certainty)
     same_words = known or (bool(rows.get("words")) and rows["words"] <= rows["grammar"])
     same = same_words and stated.get("words", set()) <= stated["grammar"]
@@ -669,7 +686,9 @@ def readings_of(
         "share_grammar": (_logit(meant.share) if meant else 0.0) * alike("grammar", "phrase"),
         "share_against": (_logit(meant.share) if meant and row else 0.0)
         * (bool(rows["grammar"]) and not alike("grammar", "phrase")),
+        "grammar_points": float(_points(bound, i)),
         "of_another": float(any(a <= s and e <= b for a, b in held for s, e in spans)),
+        "of_none": float(any(a <= s and e <= b for a, b in strange for s, e in spans)),
         "shared": float(any(shared)),
         "moved": float(said.moved),
         "moved_grammar": float(said.moved and said_own),
@@ -701,6 +720,17 @@ def _logit(p: float) -> float:
 
 def _kind(doubt: object) -> str:
     return getattr(doubt, "kind", "")
+
+
+def _is_settled(doubt: object, plain: bool, i: int, text: str, every: Sequence[Said]) -> bool:
+    """Whether of a part's two matters the second is plain, or the first is heard for another."""
+    if not isinstance(doubt, Note) or doubt.kind != "reader.again":
+        return False
+    at = text.find(doubt.values["first"])
+    heard = (w for said in every if said != every[i] for w in said.words)
+    return plain or any(
+        over((at, at + len(doubt.values["first"])), (w.start, w.end)) for w in heard
+    )
 
 
 def _subject(name: str) -> Subject:
