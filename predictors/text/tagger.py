@@ -470,6 +470,7 @@ READERS = ("grammar", "words", "phrase")
 MANY_ROWS = 0.1  # of chance: what a grammar's reading of two matters must be the likelier by
 ASIDE = 0.9  # certainty of the tagger that words are no matter of any part
 _BESIDE = {"reader.beside_idle", "reader.beside_left"}  # words that say nothing of a matter
+_SAME = re.compile(lists()["alone"]["same"])
 _DECIDING = ("matter", "number", "relation", "content")
 
 
@@ -582,6 +583,8 @@ def readings_of(
     language = bound.sentence.language
     readings = [Reading("grammar", own)]
     words = _words(said, text)
+    if any(_SAME.search(text[:start]) for role, start, _ in said.words if role == "matter"):
+        words = ""  # "the same alloy": whose, the grammar tells
     # Words that the grammar has for it too, and no more
     known = len(own) == 1 and bool(words) and words.lower() in own[0].phrase.lower()
     known = known and not own[0].comparisons and not own[0].numbers
@@ -592,7 +595,7 @@ def readings_of(
         # What the name says of a matter is no second one: "EVA foam" of a part "BladeFoam"
         of_matter = any(word in table.phrases for word in part.split())
         part = "part" if of_matter else part
-        saying = lists()["alone"][language].format(part=part, words=words)
+        saying = lists()["alone"][language].format(part=part, words=_in_capitals(words, table))
         alone = parse(saying, table, others, language=language)
         read = tuple(c for c in alone.clauses if c.says_matter)
         unread = bool(alone.unread) or any(c.doubts or c.unknown for c in read)
@@ -823,6 +826,16 @@ def _words(said: Said, text: str) -> str:
         phrase += " or " + " ".join(runs["alternative"])
     contents = (f"filled with {words}" for words in runs.get("content", []))
     return ", ".join([*([phrase] if phrase else []), *contents])
+
+
+def _in_capitals(words: str, table: MaterialTable) -> str:
+    """Words of matter with their acronyms in capitals: "abs", "pet"."""
+    lexicon = lexicon_of(table)
+
+    def spelt(found: re.Match) -> str:
+        return found[0].upper() if lexicon.needs_capitals((found[0],)) else found[0]
+
+    return re.sub(r"(?<!\w)[a-z]{2,5}(?!\w)", spelt, words)
 
 
 def _related(said: Said, text: str) -> str:
