@@ -279,7 +279,7 @@ def test_two_matters_of_one_part_are_told_wherever_they_stand(clauses_of):
 def test_a_coined_name_is_no_misspelt_matter(clauses_of):
     """Two letters off and numbered; with its consonants it is a misspelling still."""
     (said,) = clauses_of("body quindle-7, lid oak", ["body", "lid"])["body"]
-    assert said.material is None and said.unknown == "quindle-7"
+    assert (said.material, said.unknown) == (None, "quindle-7")
     (said,) = clauses_of("body alumnium-6061, lid oak", ["body", "lid"])["body"]
     assert "aluminium" in said.material
 
