@@ -267,7 +267,7 @@ def _decoded(text: str, words: Sequence[Place], chances: Float[np.ndarray, "word
         end = start + (len(text[start:end].rstrip(".,;:!?")) or end - start)
         gap = text[found[-1].end : start] if found else None
         joins = gap is not None and "\n" not in gap and gap.strip() in ("", "-", "–")
-        joins |= gap == "/" and {found[-1].role, ROLES[role]} == {"number"}  # "lb/in^3"
+        joins |= gap == "/"  # "lb/in^3", "carbon/epoxy"
         if joins and _kin(found[-1].role, ROLES[role]):
             found[-1] = found[-1]._replace(end=end)
         else:
@@ -816,11 +816,20 @@ def _without_idle(
 
 
 def _words(said: Said, text: str) -> str:
-    """Words that speak of a part's matter as one phrase."""
+    """Words that speak of a part's matter as one phrase, with the signs that stand between them."""
     runs: dict[str, list[str]] = {}
-    for role, start, end in said.words:
-        role = "matter" if role == "number" else role
-        runs.setdefault(role, []).append(text[start:end].rstrip(" .,;:"))
+    last, end = "", 0
+    for role, start, stop in said.words:
+        kind = "matter" if role == "number" else role
+        gap = text[end:start]
+        near = kind == last and {*gap} <= {*" ()[]/,+-–&'"}
+        own, words = runs.setdefault(kind, []), text[start:stop].rstrip(" .,;:")
+        if near:
+            own[-1] += text[end : start + len(words)]
+        else:
+            own.append(words)
+        own[-1] += ")" * (own[-1].count("(") > own[-1].count(")") and text[stop : stop + 1] == ")")
+        last, end = kind, start + len(words)
     phrase = ", ".join(runs.get("matter", []))
     if phrase and "alternative" in runs:
         phrase += " or " + " ".join(runs["alternative"])

@@ -300,3 +300,11 @@ def test_a_symbol_that_is_no_property_is_no_doubt(clauses_of):
     assert [doubt.kind for doubt in said.doubts] == ["numerals.aside"]
     (said,) = clauses_of("plate S235, G = 80 GPa; dowel steel", ["plate", "dowel"])["plate"]
     assert [doubt.kind for doubt in said.doubts] == ["numerals.used"]
+
+
+def test_alloy_behind_a_grade_says_no_more(agree):
+    agree("""
+        steerer 7075 alloy, lid 6061-T6 alloy => steerer: aluminium 7075; lid: aluminium 6061-T6
+        body AZ91 alloy, lid Ti-6Al-4V alloy => body: magnesium AZ91; lid: Ti-6Al-4V
+        body cast alloy, lid alloy => body, lid: aluminium alloy
+    """)
