@@ -29,7 +29,7 @@ from .clauses import GENERAL, Bound, BoundPart, Clause, Gloss, Place, Subject, o
 from .english import words as lists
 from .materials import lexicon_of
 from .parts import places
-from .phrases import load_phrases
+from .phrases import Meant, load_phrases
 from .reader import parse
 from .relations import Relation, relation_of
 
@@ -565,6 +565,21 @@ def with_second_opinion(
     return _without_idle(bound, clauses, parts, taken, every)
 
 
+class _Heard(NamedTuple):
+    """Readings of a part, and what they were made of.
+
+    The tagger's ``words``; whether the grammar has them too (``known``) and something in them was
+    not read (``unread``); of these the ``phrase`` of the matter and what that is taken to mean.
+    """
+
+    readings: list[Reading]
+    words: str
+    known: bool
+    unread: bool
+    phrase: str
+    meant: Meant | None
+
+
 def readings_of(
     i: int,
     bound: Bound,
@@ -621,6 +636,18 @@ def readings_of(
         numbers = next((c.numbers for c in read or own if c.numbers), ()) if read or known else ()
         clause = Clause(phrase, (0, 0), Subject("none"), row.name, phrase, numbers=numbers)
         readings.append(Reading("phrase", (clause,)))
+    return _compared(i, bound, every, table, _Heard(readings, words, known, unread, phrase, meant))
+
+
+def _compared(
+    i: int, bound: Bound, every: Sequence[Said], table: MaterialTable, heard: _Heard
+) -> tuple[list[Reading], dict[str, float]]:
+    """The readings of a part that say different things, and what they have in common."""
+    readings, words, known, unread, phrase, meant = heard
+    text, said = bound.sentence.text, every[i]
+    by = {r.reader: r.clauses for r in readings}
+    own, read = by["grammar"], by.get("words", ())
+    row = bool(meant and table.phrases.get(meant.row.lower()))
     rows = {r.reader: {c.material for c in r.clauses if c.material} for r in readings}
     stated = {
         r.reader: {(n.measure, n.value) for c in r.clauses for n in c.numbers} for r in readings
@@ -653,7 +680,7 @@ def readings_of(
     sure = _logit(said.certainty)
     same_words = known or (bool(rows.get("words")) and rows["words"] <= rows["grammar"])
     same = same_words and stated.get("words", set()) <= stated["grammar"]
-    said_own, heard = any(c.says_matter for c in own), bool(words)
+    said_own, listened = any(c.says_matter for c in own), bool(words)
     doubtful = any(c.doubts for c in own)
     facts = {
         "one": 1.0,
@@ -668,19 +695,19 @@ def readings_of(
         "grammar_by_name": float(bool(how) and not {*how} <= {*GENERAL}),
         "grammar_in_general": float(bool(how) and {*how} <= {*GENERAL}),
         "mute": float(i in bound.mute),
-        "heard": float(heard),
-        "sure_of_words": sure * heard,
-        "sure_of_these": _logit(said.within) * heard,
-        "sure_of_none": sure * (not heard),
-        "none_heard_grammar": sure * (not heard and said_own),
+        "heard": float(listened),
+        "sure_of_words": sure * listened,
+        "sure_of_these": _logit(said.within) * listened,
+        "sure_of_none": sure * (not listened),
+        "none_heard_grammar": sure * (not listened and said_own),
         "words_read": float(bool(read)),
         "words_doubtful": float(unread),
         "words_row": float(bool(rows.get("words"))),
         "words_numbers": float(bool(stated.get("words"))),
         "same": float(same),
         "sure_same": sure * same,
-        "differ": float(heard and said_own and not same),
-        "sure_differ": sure * (heard and said_own and not same),
+        "differ": float(listened and said_own and not same),
+        "sure_differ": sure * (listened and said_own and not same),
         "grammar_like_words": alike("grammar", "words"),
         "grammar_like_phrase": alike("grammar", "phrase"),
         "words_like_phrase": alike("words", "phrase"),
@@ -695,19 +722,19 @@ def readings_of(
         "shared": float(any(shared)),
         "moved": float(said.moved),
         "moved_grammar": float(said.moved and said_own),
-        "share_of_words": _logit(said.share) * heard,
-        "share_of_none": _logit(said.share) * (not heard),
+        "share_of_words": _logit(said.share) * listened,
+        "share_of_none": _logit(said.share) * (not listened),
         "share_moved": _logit(said.share) * said.moved,
         "share_same": _logit(said.share) * same,
-        "share_differ": _logit(said.share) * (heard and said_own and not same),
+        "share_differ": _logit(said.share) * (listened and said_own and not same),
         "relation_heard": float(any(r == "relation" for r, *_ in said.words)),
         "number_heard": float(any(r == "number" for r, *_ in said.words)),
         "alternative": float(any(r == "alternative" for r, *_ in said.words)),
         "excluded": float(any(r == "excluded" for r, *_ in said.words)),
-        "language": float(bool(language)),
-        "language_grammar": float(bool(language) and said_own),
+        "language": float(bool(bound.sentence.language)),
+        "language_grammar": float(bool(bound.sentence.language) and said_own),
         "length": math.log(len(text) / 100),
-        "parts": math.log(len(names) / 4),
+        "parts": math.log(len(every) / 4),
         "long_phrase": math.log(max(len(phrase), 1) / 10) * bool(phrase),
         "spread": math.log(max((max(e for _, e in spans) - min(s for s, _ in spans)) / 10, 1))
         if spans
