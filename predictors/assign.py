@@ -28,7 +28,7 @@ from .regions.division import (
     region_numbers,
 )
 from .resolve.resolve import RetrievalPredictor, lookup_of
-from .text.clauses import Bound, BoundPart
+from .text.clauses import GENERAL, Bound, BoundPart
 
 
 def predict_materials(
@@ -114,7 +114,13 @@ def predict_materials(
     things = 1 if cut_before else len(given.part_names)
     several = seen is not None and len(bound.sentence.clauses) > things
     clauses = of_matters(bound.sentence) if several else []
-    if len(clauses) > things and not retrieves:
+    if things > 1:  # what is said of another part by its name is not of this one's regions
+        named = {
+            k for one in bound.parts for k, how in zip(one.clauses, one.how, strict=True)
+            if how not in GENERAL
+        }  # fmt: skip
+        clauses = [k for k in clauses if k not in named]
+    if len(clauses) > 1 and not retrieves:
         stated = {key(name) for each in (overrides, materials, values) for name in each or {}}
         # of the only part there is words say more than its one choice can hold; of regions of one
         # thing too, unless they name one by its number

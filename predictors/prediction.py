@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -24,6 +25,9 @@ GUESS = 0.3
 # Of the volume of real things in one piece, what a division by clauses about kinds of matter gave
 # the right one: `evaluate --split merged`, the card of the FiLM network.
 DIVIDED = 0.55
+
+
+_STATED = re.compile(r"\d ?(?:[kMG]Pa|psi|ksi|[kM]si|N/mm)")  # a modulus that is lost is told
 
 
 class Binding(NamedTuple):
@@ -232,7 +236,8 @@ class Prediction:
                 parts = ", ".join(repr(choice.part) for choice in loose)
                 yield Note("prediction.part_found", clause=clause, parts=parts)
             else:
-                yield Note("prediction.part_idle", clause=clause)
+                stated = _STATED.search(clause) is not None
+                yield Note(f"prediction.{'numbers' if stated else 'part'}_idle", clause=clause)
 
     def for_each(self, parts: PartVoxels, first: Sequence[int]) -> Prediction:
         """Give each part the answer, and the pieces, of the ``first`` part that it is like."""

@@ -516,7 +516,7 @@ class EncodedText(NamedTuple):
     subjects: What each clause speaks of, in words.
     fits, trust: How well each part's name fits each clause (n, parts), and how far that is to be
         trusted.
-    of_pieces: Whether the text speaks of more parts than there are.
+    of_pieces: Whether the text speaks of more parts than there are, and calls them otherwise.
     unbound: Clauses about parts that no part is called after.
     spoken: Whether there is a text at all.
     """
@@ -549,6 +549,7 @@ def hear(
     fits, trust = np.zeros((0, len(parts))), 0.0
     if clauses:
         fits, trust = name_evidence(clauses, parts, encoder.encoder)
+    lost = tuple(unbound_clauses(clauses, overlap(clauses, parts)))
     return EncodedText(
         clauses,
         vectors[: len(texts)],
@@ -558,8 +559,8 @@ def hear(
         tuple(subject(clause, lexicon=encoder.lexicon) for clause in texts),
         fits,
         trust,
-        of_pieces(clauses, parts),
-        tuple(unbound_clauses(clauses, overlap(clauses, parts))),
+        of_pieces(clauses, parts) and (len(parts) == 1 or len(lost) > 1),
+        lost,
         bool(sentence.text.strip()),
     )
 

@@ -843,7 +843,8 @@ def _decks(text: str) -> str:
     for m in (m for comment in comments for m in _CALLED.finditer(comment)):
         called.setdefault(m[1] or m[4], []).append((m[2] or m[3]).strip().replace(" + ", " and "))
     names = {card.key for card in cards}
-    said = [f"{one};" for one in comments if not _SILENT.search(one) and one not in names]
+    told = (one for comment in comments for one in re.split(r"\.\s+", comment.strip()))
+    said = [f"{one};" for one in told if one and not _SILENT.search(one) and one not in names]
     low = {name.lower() for name in names}
     said += [
         line for line in map(str.strip, lines)

@@ -277,6 +277,9 @@ def _measures(text: str) -> Iterator[Numeral]:
                 yield read
 
 
+_SYMBOL = re.compile(r"[A-Za-z]_?\w{0,2} ?=")  # "L = 450" speaks of no matter
+
+
 def _read(match: re.Match, *, cued: bool) -> Numeral | None:
     """What a match says: by its word, else by its unit; told where the two are at odds."""
     group, said, (start, end) = match.groupdict(), " ".join(match[0].split()), match.span()
@@ -299,7 +302,8 @@ def _read(match: re.Match, *, cued: bool) -> Numeral | None:
     if measure == "other" or not value > 0:
         if _LOADED.search(said):
             return Numeral(start, end, None, Note("lexing.load_text", load=said))
-        return Numeral(start, end, None, Note("numerals.used", said=said))
+        kind = "numerals.aside" if dimension is None and _SYMBOL.match(said) else "numerals.used"
+        return Numeral(start, end, None, Note(kind, said=said))
     if re.search(rf"(?i)(?<!\w)(?:{_BOUND})(?!\w)", match[0][: match.start("low") - start]):
         note = Note("numerals.bound_value", said=said)
     if group["unit"] == "mPa":

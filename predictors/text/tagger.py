@@ -29,7 +29,7 @@ from .clauses import GENERAL, Bound, BoundPart, Clause, Gloss, Place, Subject, o
 from .english import words as lists
 from .materials import lexicon_of
 from .parts import places
-from .phrases import load_phrases
+from .phrases import Meant, load_phrases
 from .reader import parse
 from .relations import Relation, relation_of
 
@@ -267,7 +267,7 @@ def _decoded(text: str, words: Sequence[Place], chances: Float[np.ndarray, "word
         end = start + (len(text[start:end].rstrip(".,;:!?")) or end - start)
         gap = text[found[-1].end : start] if found else None
         joins = gap is not None and "\n" not in gap and gap.strip() in ("", "-", "–")
-        joins |= gap == "/" and {found[-1].role, ROLES[role]} == {"number"}  # "lb/in^3"
+        joins |= gap == "/"  # "lb/in^3", "carbon/epoxy"
         if joins and _kin(found[-1].role, ROLES[role]):
             found[-1] = found[-1]._replace(end=end)
         else:
@@ -470,6 +470,7 @@ READERS = ("grammar", "words", "phrase")
 MANY_ROWS = 0.1  # of chance: what a grammar's reading of two matters must be the likelier by
 ASIDE = 0.9  # certainty of the tagger that words are no matter of any part
 _BESIDE = {"reader.beside_idle", "reader.beside_left"}  # words that say nothing of a matter
+_SAME = re.compile(lists()["alone"]["same"])
 _DECIDING = ("matter", "number", "relation", "content")
 
 
@@ -564,6 +565,21 @@ def with_second_opinion(
     return _without_idle(bound, clauses, parts, taken, every)
 
 
+class _Heard(NamedTuple):
+    """Readings of a part, and what they were made of.
+
+    The tagger's ``words``; whether the grammar has them too (``known``) and something in them was
+    not read (``unread``); of these the ``phrase`` of the matter and what that is taken to mean.
+    """
+
+    readings: list[Reading]
+    words: str
+    known: bool
+    unread: bool
+    phrase: str
+    meant: Meant | None
+
+
 def readings_of(
     i: int,
     bound: Bound,
@@ -582,6 +598,8 @@ def readings_of(
     language = bound.sentence.language
     readings = [Reading("grammar", own)]
     words = _words(said, text)
+    if any(_SAME.search(text[:start]) for role, start, _ in said.words if role == "matter"):
+        words = ""  # "the same alloy": whose, the grammar tells
     # Words that the grammar has for it too, and no more
     known = len(own) == 1 and bool(words) and words.lower() in own[0].phrase.lower()
     known = known and not own[0].comparisons and not own[0].numbers
@@ -592,7 +610,7 @@ def readings_of(
         # What the name says of a matter is no second one: "EVA foam" of a part "BladeFoam"
         of_matter = any(word in table.phrases for word in part.split())
         part = "part" if of_matter else part
-        saying = lists()["alone"][language].format(part=part, words=words)
+        saying = lists()["alone"][language].format(part=part, words=_in_capitals(words, table))
         alone = parse(saying, table, others, language=language)
         read = tuple(c for c in alone.clauses if c.says_matter)
         unread = bool(alone.unread) or any(c.doubts or c.unknown for c in read)
@@ -618,6 +636,18 @@ def readings_of(
         numbers = next((c.numbers for c in read or own if c.numbers), ()) if read or known else ()
         clause = Clause(phrase, (0, 0), Subject("none"), row.name, phrase, numbers=numbers)
         readings.append(Reading("phrase", (clause,)))
+    return _compared(i, bound, every, table, _Heard(readings, words, known, unread, phrase, meant))
+
+
+def _compared(
+    i: int, bound: Bound, every: Sequence[Said], table: MaterialTable, heard: _Heard
+) -> tuple[list[Reading], dict[str, float]]:
+    """The readings of a part that say different things, and what they have in common."""
+    readings, words, known, unread, phrase, meant = heard
+    text, said = bound.sentence.text, every[i]
+    by = {r.reader: r.clauses for r in readings}
+    own, read = by["grammar"], by.get("words", ())
+    row = bool(meant and table.phrases.get(meant.row.lower()))
     rows = {r.reader: {c.material for c in r.clauses if c.material} for r in readings}
     stated = {
         r.reader: {(n.measure, n.value) for c in r.clauses for n in c.numbers} for r in readings
@@ -650,7 +680,7 @@ def readings_of(
     sure = _logit(said.certainty)
     same_words = known or (bool(rows.get("words")) and rows["words"] <= rows["grammar"])
     same = same_words and stated.get("words", set()) <= stated["grammar"]
-    said_own, heard = any(c.says_matter for c in own), bool(words)
+    said_own, listened = any(c.says_matter for c in own), bool(words)
     doubtful = any(c.doubts for c in own)
     facts = {
         "one": 1.0,
@@ -665,19 +695,19 @@ def readings_of(
         "grammar_by_name": float(bool(how) and not {*how} <= {*GENERAL}),
         "grammar_in_general": float(bool(how) and {*how} <= {*GENERAL}),
         "mute": float(i in bound.mute),
-        "heard": float(heard),
-        "sure_of_words": sure * heard,
-        "sure_of_these": _logit(said.within) * heard,
-        "sure_of_none": sure * (not heard),
-        "none_heard_grammar": sure * (not heard and said_own),
+        "heard": float(listened),
+        "sure_of_words": sure * listened,
+        "sure_of_these": _logit(said.within) * listened,
+        "sure_of_none": sure * (not listened),
+        "none_heard_grammar": sure * (not listened and said_own),
         "words_read": float(bool(read)),
         "words_doubtful": float(unread),
         "words_row": float(bool(rows.get("words"))),
         "words_numbers": float(bool(stated.get("words"))),
         "same": float(same),
         "sure_same": sure * same,
-        "differ": float(heard and said_own and not same),
-        "sure_differ": sure * (heard and said_own and not same),
+        "differ": float(listened and said_own and not same),
+        "sure_differ": sure * (listened and said_own and not same),
         "grammar_like_words": alike("grammar", "words"),
         "grammar_like_phrase": alike("grammar", "phrase"),
         "words_like_phrase": alike("words", "phrase"),
@@ -692,19 +722,19 @@ def readings_of(
         "shared": float(any(shared)),
         "moved": float(said.moved),
         "moved_grammar": float(said.moved and said_own),
-        "share_of_words": _logit(said.share) * heard,
-        "share_of_none": _logit(said.share) * (not heard),
+        "share_of_words": _logit(said.share) * listened,
+        "share_of_none": _logit(said.share) * (not listened),
         "share_moved": _logit(said.share) * said.moved,
         "share_same": _logit(said.share) * same,
-        "share_differ": _logit(said.share) * (heard and said_own and not same),
+        "share_differ": _logit(said.share) * (listened and said_own and not same),
         "relation_heard": float(any(r == "relation" for r, *_ in said.words)),
         "number_heard": float(any(r == "number" for r, *_ in said.words)),
         "alternative": float(any(r == "alternative" for r, *_ in said.words)),
         "excluded": float(any(r == "excluded" for r, *_ in said.words)),
-        "language": float(bool(language)),
-        "language_grammar": float(bool(language) and said_own),
+        "language": float(bool(bound.sentence.language)),
+        "language_grammar": float(bool(bound.sentence.language) and said_own),
         "length": math.log(len(text) / 100),
-        "parts": math.log(len(names) / 4),
+        "parts": math.log(len(every) / 4),
         "long_phrase": math.log(max(len(phrase), 1) / 10) * bool(phrase),
         "spread": math.log(max((max(e for _, e in spans) - min(s for s, _ in spans)) / 10, 1))
         if spans
@@ -813,16 +843,35 @@ def _without_idle(
 
 
 def _words(said: Said, text: str) -> str:
-    """Words that speak of a part's matter as one phrase."""
+    """Words that speak of a part's matter as one phrase, with the signs that stand between them."""
     runs: dict[str, list[str]] = {}
-    for role, start, end in said.words:
-        role = "matter" if role == "number" else role
-        runs.setdefault(role, []).append(text[start:end].rstrip(" .,;:"))
+    last, end = "", 0
+    for role, start, stop in said.words:
+        kind = "matter" if role == "number" else role
+        gap = text[end:start]
+        near = kind == last and {*gap} <= {*" ()[]/,+-–&'"}
+        own, words = runs.setdefault(kind, []), text[start:stop].rstrip(" .,;:")
+        if near:
+            own[-1] += text[end : start + len(words)]
+        else:
+            own.append(words)
+        own[-1] += ")" * (own[-1].count("(") > own[-1].count(")") and text[stop : stop + 1] == ")")
+        last, end = kind, start + len(words)
     phrase = ", ".join(runs.get("matter", []))
     if phrase and "alternative" in runs:
         phrase += " or " + " ".join(runs["alternative"])
     contents = (f"filled with {words}" for words in runs.get("content", []))
     return ", ".join([*([phrase] if phrase else []), *contents])
+
+
+def _in_capitals(words: str, table: MaterialTable) -> str:
+    """Words of matter with their acronyms in capitals: "abs", "pet"."""
+    lexicon = lexicon_of(table)
+
+    def spelt(found: re.Match) -> str:
+        return found[0].upper() if lexicon.needs_capitals((found[0],)) else found[0]
+
+    return re.sub(r"(?<!\w)[a-z]{2,5}(?!\w)", spelt, words)
 
 
 def _related(said: Said, text: str) -> str:

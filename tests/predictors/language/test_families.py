@@ -262,3 +262,49 @@ def test_what_is_so_unless_said_otherwise(agree):
         MATIERE SAUF INDICATION CONTRAIRE : 6061-T6. VIS EN ACIER. => CORPS: 6061-t6; VIS: steel
         Salvo indicación contraria S235. Eje de latón. => placa: s235; eje: brass
     """)
+
+
+def test_two_matters_of_one_part_are_told_wherever_they_stand(clauses_of):
+    for text, doubted in (
+        ("The seat is oak. The legs are pine. The seat is steel.", ["reader.again"]),
+        ("seat: oak; legs: pine; seat: walnut", ["reader.again"]),
+        ("The seat is oak. The legs are pine. The seat is oak.", []),
+        ("The legs are oak. The front leg is steel. The seat is oak.", []),
+    ):
+        found = clauses_of(text, ["seat", "leg_front", "leg_rear"])
+        told = {doubt.kind for said in found.values() for one in said for doubt in one.doubts}
+        assert sorted(told) == doubted, text
+
+
+def test_a_coined_name_is_no_misspelt_matter(clauses_of):
+    """Two letters off and numbered; with its consonants it is a misspelling still."""
+    (said,) = clauses_of("body quindle-7, lid oak", ["body", "lid"])["body"]
+    assert (said.material, said.unknown) == (None, "quindle-7")
+    (said,) = clauses_of("body alumnium-6061, lid oak", ["body", "lid"])["body"]
+    assert "aluminium" in said.material
+
+
+def test_what_is_empty_is_measured_in_words_of_all(clauses_of):
+    for words, measure, value in (
+        ("bronze, 85 % of its volume is empty", "void", 0.85),
+        ("bronze, 60 % empty", "void", 0.6),
+        ("bronze with 70 % porosity", "void", 0.7),
+        ("bronze lattice of relative density 30 %", "infill", 0.3),
+    ):
+        (said,) = clauses_of(f"the horse is {words}; plinth marble", ["horse", "plinth"])["horse"]
+        assert [(n.measure, n.value) for n in said.numbers] == [(measure, value)], words
+
+
+def test_a_symbol_that_is_no_property_is_no_doubt(clauses_of):
+    (said,) = clauses_of("plate S235 t=8, dowel steel; L = 450", ["plate", "dowel"])["plate"]
+    assert [doubt.kind for doubt in said.doubts] == ["numerals.aside"]
+    (said,) = clauses_of("plate S235, G = 80 GPa; dowel steel", ["plate", "dowel"])["plate"]
+    assert [doubt.kind for doubt in said.doubts] == ["numerals.used"]
+
+
+def test_alloy_behind_a_grade_says_no_more(agree):
+    agree("""
+        steerer 7075 alloy, lid 6061-T6 alloy => steerer: aluminium 7075; lid: aluminium 6061-T6
+        body AZ91 alloy, lid Ti-6Al-4V alloy => body: magnesium AZ91; lid: Ti-6Al-4V
+        body cast alloy, lid alloy => body, lid: aluminium alloy
+    """)

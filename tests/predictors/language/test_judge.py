@@ -108,3 +108,20 @@ def test_clauses_of_parts_that_have_other_names_stay_for_the_network():
     found = judge.with_second_opinion(whole, labels, TABLE)
     assert found.unbound == whole.unbound
     assert len(found.sentence.clauses) == 2
+
+
+@pytest.mark.parametrize(
+    ("text", "names", "wanted"),
+    [
+        ("bracket petg, lid pla, knob abs", "bracket lid knob", "PETG; PLA; ABS"),
+        ("cage Ti64; the zone is same alloy, 70 % porosity", "cage zone", "Ti-6Al-4V; Ti-6Al-4V"),
+        ("Ressort 51CrV4 grenaillé ; butée en liège", "spring stop", "spring steel; cork"),
+        ("servo horn nylon gf30, palm brass", "servo_horn palm", "nylon 6/6; brass"),
+    ],
+)
+def test_words_of_a_part_are_read_as_its_text_is(text, names, wanted):
+    """In its language, an acronym in small letters, and not where they point to another part."""
+    labels = [[name] for name in names.split()]
+    bound = judge.with_second_opinion(read_sentence(text, labels, TABLE), labels, TABLE)
+    meant = [{TABLE.exact(row).name} for row in wanted.split("; ")]
+    assert [{row for row in own if row} for own in rows(bound)] == meant
