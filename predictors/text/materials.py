@@ -366,8 +366,9 @@ def mended_spelling(
         if near and not (coined and _skeleton(cut[i].text.lower()) != _skeleton(near)):
             mended[i] = cut[i]._replace(stem=near, text=near)
             notes[cut[i].start] = Note("lexing.spelt", word=cut[i].text, near=near)
-    for i, (atom, after) in enumerate(pairwise(mended)):  # "caste iron"
-        near = None if atom.stem in known else _near_phrase(atom, after, lexicon)
+    for i, (atom, after) in enumerate(pairwise(mended)):  # "caste iron", but no "AlSi9"
+        glued = atom.end == after.start or atom.stem in known
+        near = None if glued else _near_phrase(atom, after, lexicon)
         if near:
             mended[i] = atom._replace(stem=near, text=near)
             notes[atom.start] = Note("lexing.spelt", word=atom.text, near=near)
@@ -424,7 +425,7 @@ def _nearest(atom: Atom, lexicon: ReaderLexicon, known: set[str]) -> str | None:
     for word in {atom.text.lower(), atom.stem}:
         for near, off, _ in extract_iter(word, words, scorer=OSA.distance, score_cutoff=2):
             skeleton = _skeleton(word) == _skeleton(near)
-            limit = 2 if skeleton or len(word) >= 7 else 1
+            limit = 2 if len(word) >= (6 if skeleton else 7) else 1
             if off <= limit and word[0] == near[0] and off <= len(word) / 2:
                 best[near] = min(best.get(near, 9.0), off - 0.5 * skeleton)
     ranked = sorted(best.items(), key=lambda item: (item[1], item[0] not in known))

@@ -52,7 +52,7 @@ def test_a_text_that_is_not_english_is_told(table):
 
 def test_what_is_left_out_beside_a_material_is_told(clauses_of):
     for text, word in [
-        ("the lid is silicone sponge", "silicone"),
+        ("the lid is nylon sponge", "nylon"),
         ("the lid is kitchen oak", "kitchen"),
         ("lid: caste iron", "caste"),
         ("the lid is between 2 and 3 GPa", "range"),
