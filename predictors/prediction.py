@@ -236,8 +236,9 @@ class Prediction:
                 parts = ", ".join(repr(choice.part) for choice in loose)
                 yield Note("prediction.part_found", clause=clause, parts=parts)
             else:
-                stated = _STATED.search(clause) is not None
-                yield Note(f"prediction.{'numbers' if stated else 'part'}_idle", clause=clause)
+                stated = Note("prediction.numbers_idle", clause=clause)
+                idle = Note("prediction.part_idle", clause=clause)
+                yield stated if _STATED.search(clause) else idle
 
     def for_each(self, parts: PartVoxels, first: Sequence[int]) -> Prediction:
         """Give each part the answer, and the pieces, of the ``first`` part that it is like."""

@@ -302,8 +302,9 @@ def _read(match: re.Match, *, cued: bool) -> Numeral | None:
     if measure == "other" or not value > 0:
         if _LOADED.search(said):
             return Numeral(start, end, None, Note("lexing.load_text", load=said))
-        kind = "numerals.aside" if dimension is None and _SYMBOL.match(said) else "numerals.used"
-        return Numeral(start, end, None, Note(kind, said=said))
+        if dimension is None and _SYMBOL.match(said):
+            return Numeral(start, end, None, Note("numerals.aside", said=said))
+        return Numeral(start, end, None, Note("numerals.used", said=said))
     if re.search(rf"(?i)(?<!\w)(?:{_BOUND})(?!\w)", match[0][: match.start("low") - start]):
         note = Note("numerals.bound_value", said=said)
     if group["unit"] == "mPa":

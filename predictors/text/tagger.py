@@ -524,6 +524,8 @@ def with_second_opinion(
         chances = {r.reader: judge.chance(r.reader, facts) for r in readings}
         # Of a part that the grammar gives two matters the tagger's one
         torn = MANY_ROWS * (facts["grammar_rows"] > 0)
+        # What is said of a third is not of a part that is as another
+        torn -= facts["grammar_points"] * facts["of_another"]
         best = max(readings, key=lambda r: chances[r.reader] - torn * (r.reader == "grammar"))
         chance = chances[best.reader]
         if best.reader == "grammar":
@@ -554,6 +556,9 @@ def with_second_opinion(
             found = [_guessed(c, best.reader) for c in found]
         elif facts["of_another"] and not facts["grammar"] and chance <= judge.plain:
             note = Note("tagger.of_another", words=text[slice(*whole)])
+            found = [replace(c, doubts=(*c.doubts, note)) for c in found]
+        if facts["of_none"] and not facts["grammar"]:
+            note = Note("tagger.of_none", words=text[slice(*whole)], part=names[i])
             found = [replace(c, doubts=(*c.doubts, note)) for c in found]
         again = [d for k in parts[i].clauses for d in clauses[k].doubts]
         again = [d for d in again if _kind(d) == "reader.again"]

@@ -164,7 +164,7 @@ def test_what_is_only_numbers_is_no_row_of_the_table():
 
 def test_what_holds_something_is_not_made_of_it():
     """Of a name's words the last is what a thing is: a can of soup is a can, and soup is soup."""
-    for name in ("soup_can", "jam_jar", "water_bottle", "butter_dish", "Sand Bucket", "egg_carton"):
+    for name in ("soup_can", "jam_jar", "water_bottle", "butter_dish", "Sand Bucket", "egg_cup"):
         choice = _chosen(name)
         assert choice.guessed, name
         assert choice.row.category not in ("liquid", "soft food", "soil"), name
