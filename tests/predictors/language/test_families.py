@@ -188,7 +188,7 @@ def test_matters_that_engineers_name_by_maker_or_formula(agree):
         shield SUS430, lid X2CrTi12 => shield, lid: martensitic stainless
         tray 5A06, rib LY12 => tray: aluminium 5xxx; rib: aluminium 2xxx
         pad PPS-GF40, nut POM-PTFE => pad: pps gf40; nut: acetal with ptfe
-        gear PEEK HPV, seal PTFE/25GF => gear: peek bearing grade; seal: ptfe with 25 % glass
+        gear PEEK HPV, seal PTFE/25GF => gear: peek bearing grade; seal: filled ptfe
         duct PP-TV40, box PA6-GK30 => duct: polypropylene td40; box: mineral-filled nylon
         spar biax +-45 glass, skin T800S UD => spar: glass/epoxy biaxial laminate (45); skin: im7
         board RO4350B, window LiTaO3 => board: ro4350b; window: lithium tantalate
