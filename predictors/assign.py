@@ -114,7 +114,7 @@ def predict_materials(
     things = 1 if cut_before else len(given.part_names)
     several = seen is not None and len(bound.sentence.clauses) > things
     clauses = of_matters(bound.sentence) if several else []
-    if things > 1:  # what is said of another part by its name is not of this one's regions
+    if things > 1:  # what is said of parts by their names is not of regions
         named = {
             k for one in bound.parts for k, how in zip(one.clauses, one.how, strict=True)
             if how not in GENERAL

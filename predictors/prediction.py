@@ -25,9 +25,8 @@ GUESS = 0.3
 # Of the volume of real things in one piece, what a division by clauses about kinds of matter gave
 # the right one: `evaluate --split merged`, the card of the FiLM network.
 DIVIDED = 0.55
-
-
-_STATED = re.compile(r"\d ?(?:[kMG]Pa|psi|ksi|[kM]si|N/mm)")  # a modulus that is lost is told
+# A modulus or a density in a clause: told where it is of no part.
+_STATED = re.compile(r"\d ?(?:[kMG]Pa|psi|[kM]si|k?N/mm|k?g/(?:m|cm|dm|l)|g/cc)|\bE ?=")
 
 
 class Binding(NamedTuple):

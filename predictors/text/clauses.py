@@ -274,11 +274,14 @@ def bind(sentence: Sentence, labels: Sequence[Sequence[str]]) -> Bound:
         if count is not None and count < there and there != 1:
             doubt = Note("clauses.such_parts", count=count or "some", there=there)
             clause = replace(clause, doubts=(*clause.doubts, doubt))
-        before = [c for c in clauses[:k] * bool(clause.material) if c.subject == clause.subject]
-        first = next((c for c in before if c.material not in (None, clause.material)), None)
-        if first and any(k in part.clauses for part in bound):
-            doubt = Note("reader.again", first=first.phrase, second=clause.phrase)
-            clause = replace(clause, doubts=(*clause.doubts, doubt))
+        if clause.material and count is None and there:
+            before = (c for c in clauses[:k] if c.subject == clause.subject and c.material)
+            first = next((c for c in before if c.material != clause.material), None)
+            if first:
+                at = (sentence.text.find(c.phrase, c.span[0]) for c in (first, clause))
+                words = {"first": first.phrase, "second": clause.phrase}
+                doubt = Note("reader.again", **words, at=tuple(at))
+                clause = replace(clause, doubts=(*clause.doubts, doubt))
         counted.append(clause)
     named = {i for name in sentence.mute for i in parts_named(name, parts)}
     mute = sorted(i for i in named if {*bound[i].how} <= {*GENERAL})

@@ -700,17 +700,31 @@ def _by_position(text: str, names: Sequence[str], lexicon: ReaderLexicon) -> str
                 continue
             lexemes = lexemes or lex(text, lexicon, names).lexemes
             called = [text[a:b] for a, b in things] if listed else _of_number(len(matters), names)
-            if listed and not any(map(_WORDED.search, called[1:])):  # "rollers 1, 2 and 3"
-                called = [called[0], *(_LAST_NUMBER.sub(n, called[0]) for n in called[1:])]
+            numbered = listed and not any(map(_WORDED.search, called[1:]))  # "rollers 1, 2 and 3"
+            if numbered and (last := _LAST_NUMBER.search(called[0])):
+                called = [called[0], *(called[0][: last.start()] + n for n in called[1:])]
             spoken = [[x for x in lexemes if over(item, (x.start, x.end))] for item in matters]
-            known = [any(x.role in ("material", "number") for x in own) for own in spoken]
-            named = (x.part and x.role != "material" for own in spoken for x in own)
-            if not called or sum(known) < len(known) - 1 or any(named):
-                continue
-            said = (f"{name}: {text[a:b]}" for name, (a, b) in zip(called, matters, strict=True))
-            out, at = f"{out}{text[at:start]}{'; '.join(said)}", end
-            break
+            named = any(x.part and x.role != "material" for own in spoken for x in own)
+            strange = 1 if head else 0  # where no list of parts stands before it, all are known
+            if called and not named and _is_each(spoken, strange):
+                said = (
+                    f"{name}: {text[a:b]}" for name, (a, b) in zip(called, matters, strict=True)
+                )
+                out, at = f"{out}{text[at:start]}{'; '.join(said)}", end
+                break
     return out + text[at:]
+
+
+def _is_each(spoken: Sequence[Sequence[Lexeme]], strange: int) -> bool:
+    """Whether each item is a matter, ``strange`` of them unknown, or all are numbers of a kind."""
+    roles = [{x.role for x in own} for own in spoken]
+    matters = sum("material" in own for own in roles)
+    if matters:
+        return all({"material", "number"} & own != {"number"} for own in roles) and (
+            matters >= len(roles) - strange
+        )
+    measures = [{x.value.measure for x in own if x.role == "number"} for own in spoken]
+    return len(measures[0]) == 1 and all(own == measures[0] for own in measures)
 
 
 def _blank(found: re.Match) -> str:
@@ -843,7 +857,7 @@ def _decks(text: str) -> str:
     for m in (m for comment in comments for m in _CALLED.finditer(comment)):
         called.setdefault(m[1] or m[4], []).append((m[2] or m[3]).strip().replace(" + ", " and "))
     names = {card.key for card in cards}
-    told = (one for comment in comments for one in re.split(r"\.\s+", comment.strip()))
+    told = (one for comment in comments for one in re.split(r"(?<=\w{4})\.\s+", comment.strip()))
     said = [f"{one};" for one in told if one and not _SILENT.search(one) and one not in names]
     low = {name.lower() for name in names}
     said += [

@@ -339,6 +339,9 @@ FOREIGN_SHARE = 0.5
 LANGUAGES = ("en", "de", "fr", "es", *OTHERS)
 
 
+_COINED = re.compile(r"-\d")  # "quindle-7" is no quince
+
+
 def mended_spelling(
     text: str, cut: list[Atom], lexicon: ReaderLexicon, known: set[str]
 ) -> tuple[list[Atom], list[str], set[int], dict[int, str]]:
@@ -362,7 +365,7 @@ def mended_spelling(
             for side in sides
         )
         near = None if glued else _nearest(cut[i], lexicon, known)
-        coined = re.match(r"-\d", text[cut[i].end :])  # "quindle-7" is no quince
+        coined = near not in known and _COINED.match(text, cut[i].end)
         if near and not (coined and _skeleton(cut[i].text.lower()) != _skeleton(near)):
             mended[i] = cut[i]._replace(stem=near, text=near)
             notes[cut[i].start] = Note("lexing.spelt", word=cut[i].text, near=near)

@@ -277,7 +277,8 @@ def _measures(text: str) -> Iterator[Numeral]:
                 yield read
 
 
-_SYMBOL = re.compile(r"[A-Za-z]_?\w{0,2} ?=")  # "L = 450" speaks of no matter
+_SYMBOL = re.compile(r"(?![EGKR])[A-Za-z](?:_\w+)? ?=")  # "L = 450" speaks of no matter
+_RELATIVE = re.compile(r"(?i)\brelative?[rn]?\b|\brelativa\b")  # density: of itself, or of water
 
 
 def _read(match: re.Match, *, cued: bool) -> Numeral | None:
@@ -289,6 +290,8 @@ def _read(match: re.Match, *, cued: bool) -> Numeral | None:
     if (measure, dimension) == ("mass", "rho"):
         measure = "rho"  # "it weighs 1.6 kg/l"
     low, high = number(group["low"]), number(group["high"] or "")
+    if measure == "infill" and _RELATIVE.search(said) and not group["share"] and low > 1:
+        measure, factor = "rho", 1e3
     note = Note("numerals.middle_range", said=said) if high else ""
     value = factor * ((low * high) ** 0.5 if high else low)
     if group["odd"]:

@@ -450,8 +450,10 @@ def place_of(clause: Clause, text: str) -> Place:
 
 def _points(bound: Bound, i: int) -> bool:
     """Whether the grammar has a part's matter from what is said of another: "same as the lid"."""
-    own = [bound.sentence.clauses[k] for k in bound.parts[i].clauses]
-    return any(c.phrase and c.phrase not in bound.sentence.text[slice(*c.span)] for c in own)
+    text, clauses = bound.sentence.text, bound.sentence.clauses
+    own = [clauses[k] for k in bound.parts[i].clauses]
+    strange = [c for c in own if c.phrase and c.phrase not in text[slice(*c.span)]]
+    return any(c.material == o.material for c in strange for o in clauses if o not in own)
 
 
 def _called(name: str) -> str:
@@ -470,7 +472,7 @@ READERS = ("grammar", "words", "phrase")
 MANY_ROWS = 0.1  # of chance: what a grammar's reading of two matters must be the likelier by
 ASIDE = 0.9  # certainty of the tagger that words are no matter of any part
 _BESIDE = {"reader.beside_idle", "reader.beside_left"}  # words that say nothing of a matter
-_SAME = re.compile(lists()["alone"]["same"])
+_SAME = re.compile(lists()["hedges"]["same"])
 _DECIDING = ("matter", "number", "relation", "content")
 
 
@@ -533,7 +535,7 @@ def with_second_opinion(
             plain = chance > judge.plain
             for place, k in enumerate(parts[i].clauses):
                 kept = [d for d in clauses[k].doubts if not plain or _kind(d) not in _BESIDE]
-                kept = [d for d in kept if not _is_settled(d, plain, i, text, every)]
+                kept = [d for d in kept if not _is_settled(d, plain, i, every)]
                 anew = (*kept, *doubts) if clauses[k].says_matter else tuple(kept)
                 if anew == clauses[k].doubts:
                     continue
@@ -562,7 +564,7 @@ def with_second_opinion(
             found = [replace(c, doubts=(*c.doubts, note)) for c in found]
         again = [d for k in parts[i].clauses for d in clauses[k].doubts]
         again = [d for d in again if _kind(d) == "reader.again"]
-        again = [d for d in again if not _is_settled(d, chance > judge.plain, i, text, every)]
+        again = [d for d in again if not _is_settled(d, chance > judge.plain, i, every)]
         new = range(len(clauses), len(clauses) + len(found))
         clauses += [replace(c, doubts=(*c.doubts, *again)) for c in found]
         parts[i] = BoundPart(tuple(new), ("name",) * len(new))
@@ -757,15 +759,20 @@ def _kind(doubt: object) -> str:
     return getattr(doubt, "kind", "")
 
 
-def _is_settled(doubt: object, plain: bool, i: int, text: str, every: Sequence[Said]) -> bool:
-    """Whether of a part's two matters the second is plain, or the first is heard for another."""
+def _is_settled(doubt: object, plain: bool, i: int, every: Sequence[Said]) -> bool:
+    """Whether of a part's two matters one is not heard for it: the first is another's, say.
+
+    Where nobody can say where they stand, whether the second is ``plain``.
+    """
     if not isinstance(doubt, Note) or doubt.kind != "reader.again":
         return False
-    at = text.find(doubt.values["first"])
-    heard = (w for said in every if said != every[i] for w in said.words)
-    return plain or any(
-        over((at, at + len(doubt.values["first"])), (w.start, w.end)) for w in heard
-    )
+    if "at" not in doubt.values:
+        return plain
+    starts, words = doubt.values["at"], (doubt.values["first"], doubt.values["second"])
+    first, second = ((at, at + len(word)) for at, word in zip(starts, words, strict=True))
+    others = (w for said in every if said != every[i] for w in said.words)
+    theirs = any(over(first, (w.start, w.end)) for w in others)
+    return theirs or not any(over(second, (w.start, w.end)) for w in every[i].words)
 
 
 def _subject(name: str) -> Subject:

@@ -220,6 +220,25 @@ def test_what_speaks_of_nothing_is_told():
     assert not assigned(knife, rest, predictor="retrieval").unbound
 
 
+def test_numbers_of_no_part_are_a_doubt():
+    """A modulus that nothing follows is lost; words of a matter alone are a note."""
+    parts = block("mount", "sleeve")
+    text = "mount rubber; on the sheet the bolt has a modulus of 3 GPa; sleeve steel"
+    told = [note.kind for note in assigned(parts, text, predictor="retrieval").doubts()]
+    assert "prediction.numbers_idle" in told
+    text = "mount rubber; the bolt is brass; sleeve steel"
+    told = [note.kind for note in assigned(parts, text, predictor="retrieval").doubts()]
+    assert "prediction.part_idle" in told
+
+
+def test_a_part_that_nothing_names_is_whole():
+    """What is said of others by their names is not of its regions."""
+    parts = block("skin", "core", "filler", cells=6)
+    text = "skin of carbon fibre, a skin of oak; core balsa, core foam; rim steel"
+    found = assigned(parts, text, predictor="film")
+    assert [name for name in found.parts.part_names if name.startswith("filler")] == ["filler"]
+
+
 def test_alpha_moves_words_only():
     """--alpha works where words name the material, and says so where they do not."""
     soft = assigned(block("geometry_0"), "oak", alpha=0.0, predictor=network())

@@ -290,6 +290,7 @@ def test_what_is_empty_is_measured_in_words_of_all(clauses_of):
         ("bronze, 60 % empty", "void", 0.6),
         ("bronze with 70 % porosity", "void", 0.7),
         ("bronze lattice of relative density 30 %", "infill", 0.3),
+        ("bronze, relative density 8.8", "rho", 8800),
     ):
         (said,) = clauses_of(f"the horse is {words}; plinth marble", ["horse", "plinth"])["horse"]
         assert [(n.measure, n.value) for n in said.numbers] == [(measure, value)], words
@@ -298,8 +299,9 @@ def test_what_is_empty_is_measured_in_words_of_all(clauses_of):
 def test_a_symbol_that_is_no_property_is_no_doubt(clauses_of):
     (said,) = clauses_of("plate S235 t=8, dowel steel; L = 450", ["plate", "dowel"])["plate"]
     assert [doubt.kind for doubt in said.doubts] == ["numerals.aside"]
-    (said,) = clauses_of("plate S235, G = 80 GPa; dowel steel", ["plate", "dowel"])["plate"]
-    assert [doubt.kind for doubt in said.doubts] == ["numerals.used"]
+    for modulus in ("G = 80 GPa", "G = 80", "E_y = 9"):
+        found = clauses_of(f"plate S235, {modulus}; dowel steel", ["plate", "dowel"])
+        assert [doubt.kind for doubt in found["plate"][0].doubts] == ["numerals.used"], modulus
 
 
 def test_alloy_behind_a_grade_says_no_more(agree):
@@ -307,4 +309,5 @@ def test_alloy_behind_a_grade_says_no_more(agree):
         steerer 7075 alloy, lid 6061-T6 alloy => steerer: aluminium 7075; lid: aluminium 6061-T6
         body AZ91 alloy, lid Ti-6Al-4V alloy => body: magnesium AZ91; lid: Ti-6Al-4V
         body cast alloy, lid alloy => body, lid: aluminium alloy
+        rim_1 alloy, rim_2 steel => rim_1: aluminium alloy; rim_2: carbon steel
     """)

@@ -125,3 +125,25 @@ def test_words_of_a_part_are_read_as_its_text_is(text, names, wanted):
     bound = judge.with_second_opinion(read_sentence(text, labels, TABLE), labels, TABLE)
     meant = [{TABLE.exact(row).name} for row in wanted.split("; ")]
     assert [{row for row in own if row} for own in rows(bound)] == meant
+
+
+def told(text, names):
+    """Kinds of the notes on each part's clauses."""
+    labels = [[name] for name in names.split()]
+    bound = judge.with_second_opinion(read_sentence(text, labels, TABLE), labels, TABLE)
+    clauses = bound.sentence.clauses
+    return [{d.kind for k in part.clauses for d in clauses[k].doubts} for part in bound.parts]
+
+
+def test_the_matter_of_what_is_no_part_is_told_of_the_part_that_has_it():
+    """And two matters of one part, wherever the first one is said too."""
+    assert told("The gasket is graphite, the body is bronze.", "Body Seat")[1] == {"tagger.of_none"}
+    text = "The lid is oak. The seat is oak. The seat is steel. The legs are pine."
+    assert "reader.again" in told(text, "lid seat leg_1")[1]
+
+
+def test_a_part_that_is_as_another_is_not_of_a_thirds_matter():
+    labels = [[name] for name in ("Body", "Stem", "Lever", "Seat")]
+    text = "Body same as stem. Stem: Inconel 718. Lever: brass. Seat: PTFE."
+    bound = judge.with_second_opinion(read_sentence(text, labels, TABLE), labels, TABLE)
+    assert rows(bound)[0] == {"Inconel 718"}

@@ -239,6 +239,7 @@ def test_a_list_that_keeps_an_order_names_the_parts(clauses_of, told, order):
         ("ring / ball / cage -> 100Cr6 / Si3N4 grade 5 / PA66", "ring ball cage"),
         ("Rings, balls and cage (in that order): 100Cr6, Si3N4 and PA66. Cheap", "ring ball cage"),
         ("ring, ball and cage are 100Cr6, Si3N4 and PA66 respectively", "ring ball cage"),
+        ("ring, ball and cage: 100Cr6, Si3N4 and PA66 in that order", "ring ball cage"),
         ("the pins 1, 2 and 3 are 100Cr6, Si3N4 and PA66 in this order", "pin_1 pin_2 pin_3"),
         ("lid oak; pins in order: 100Cr6, Si3N4, PA66", "lid pin_a1 pin_a2 pin_a3"),
     ],
@@ -256,6 +257,11 @@ def test_two_lists_that_go_on_alike(clauses_of, text, names):
         "legs, seat, back: oak, painted white, waxed",
         "in file order: oak, steel",  # of three parts
         "top to bottom: oak back, steel legs, foam seat",  # the list names them itself
+        "legs, seat, back: PLA, 20 % infill, 3 perimeters",
+        "legs, seat and back are PLA, 3.5 GPa and 1240 kg/m3",
+        "legs, seat, back: E = 3.5 GPa, nu = 0.36, rho = 1240 kg/m3",
+        "in order to save weight, use balsa, oak",
+        "painted white from top to bottom, all oak, all of it",
     ],
 )
 def test_what_is_no_list_by_position_stays(text):

@@ -65,8 +65,8 @@ def test_numpy_reads_what_torch_trains(tmp_path):
     import torch
     from autophyx_tet.research.training.phrases.recipe import train_phrases
 
-    learned = train_phrases(steps=200, output=tmp_path / "phrases.safetensors")
-    assert learned.history[-1]["loss"] < 0.9 * np.log(len(learned.rows))  # of chance
+    learned = train_phrases(steps=400, output=tmp_path / "phrases.safetensors")
+    assert learned.history[-1]["loss"] < 0.8 * np.log(len(learned.rows))  # of chance
     network = PhraseNetwork(tmp_path / "phrases.safetensors")
     with torch.no_grad():
         shares = learned.network([*NEW]).softmax(-1).numpy()
