@@ -28,7 +28,7 @@ from .regions.division import (
     region_numbers,
 )
 from .resolve.resolve import RetrievalPredictor, lookup_of
-from .text.clauses import GENERAL, Bound, BoundPart
+from .text.clauses import Bound, BoundPart
 
 
 def predict_materials(
@@ -115,10 +115,7 @@ def predict_materials(
     several = seen is not None and len(bound.sentence.clauses) > things
     clauses = of_matters(bound.sentence) if several else []
     if things > 1:  # what is said of parts by their names is not of regions
-        named = {
-            k for one in bound.parts for k, how in zip(one.clauses, one.how, strict=True)
-            if how not in GENERAL
-        }  # fmt: skip
+        named = bound.named
         clauses = [k for k in clauses if k not in named]
     if len(clauses) > 1 and not retrieves:
         stated = {key(name) for each in (overrides, materials, values) for name in each or {}}

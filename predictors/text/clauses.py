@@ -215,6 +215,12 @@ class Bound:
     unbound: tuple[int, ...]
     mute: tuple[int, ...] = ()
 
+    @property
+    def named(self) -> frozenset[int]:
+        """Indices of the clauses that speak of a part by a word for it."""
+        bonds = (bond for part in self.parts for bond in zip(part.clauses, part.how, strict=True))
+        return frozenset(k for k, how in bonds if how not in GENERAL)
+
 
 def bind(sentence: Sentence, labels: Sequence[Sequence[str]]) -> Bound:
     """Say which clauses speak of which part.

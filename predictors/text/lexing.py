@@ -723,7 +723,7 @@ def _is_each(spoken: Sequence[Sequence[Lexeme]], strange: int) -> bool:
         return all({"material", "number"} & own != {"number"} for own in roles) and (
             matters >= len(roles) - strange
         )
-    measures = [{x.value.measure for x in own if x.role == "number"} for own in spoken]
+    measures = [{x.value.measure for x in own if isinstance(x.value, Quantity)} for own in spoken]
     return len(measures[0]) == 1 and all(own == measures[0] for own in measures)
 
 

@@ -669,12 +669,7 @@ def _compared(
         return float(any(_are_alike(table, x, y) for x in one for y in two))
 
     how, spans = bound.parts[i].how, [(s, e) for r, s, e in said.words if r in _DECIDING]
-    held = [
-        bound.sentence.clauses[k].span
-        for j, bond in enumerate(bound.parts) if j != i
-        for k, h in zip(bond.clauses, bond.how, strict=True)
-        if h not in GENERAL and k not in bound.parts[i].clauses
-    ]  # fmt: skip
+    held = [bound.sentence.clauses[k].span for k in bound.named.difference(bound.parts[i].clauses)]
     shared = [  # words that the tagger has for other parts too
         any(over((w.start, w.end), span) for span in spans) for other in every
         if other.words != said.words for w in other.words
@@ -766,9 +761,9 @@ def _is_settled(doubt: object, plain: bool, i: int, every: Sequence[Said]) -> bo
     """
     if not isinstance(doubt, Note) or doubt.kind != "reader.again":
         return False
-    if "at" not in doubt.values:
+    starts, words = doubt.values.get("at", (-1,)), (doubt.values["first"], doubt.values["second"])
+    if min(starts) < 0:
         return plain
-    starts, words = doubt.values["at"], (doubt.values["first"], doubt.values["second"])
     first, second = ((at, at + len(word)) for at, word in zip(starts, words, strict=True))
     others = (w for said in every if said != every[i] for w in said.words)
     theirs = any(over(first, (w.start, w.end)) for w in others)

@@ -260,6 +260,7 @@ def test_two_lists_that_go_on_alike(clauses_of, text, names):
         "legs, seat, back: PLA, 20 % infill, 3 perimeters",
         "legs, seat and back are PLA, 3.5 GPa and 1240 kg/m3",
         "legs, seat, back: E = 3.5 GPa, nu = 0.36, rho = 1240 kg/m3",
+        "legs, seat, back: 30 % glass filled, 20 % glass filled, 10 % glass filled",
         "in order to save weight, use balsa, oak",
         "painted white from top to bottom, all oak, all of it",
     ],
