@@ -59,6 +59,7 @@ SETS = (
     "eighteenth_engineers", "eighteenth_trades", "eighteenth_languages",
     "nineteenth_engineers", "nineteenth_trades", "nineteenth_languages",
     "twentieth_engineers", "twentieth_trades", "twentieth_languages",
+    "twentyfirst_engineers", "twentyfirst_trades", "twentyfirst_languages",
 )  # fmt: skip
 EXACT = 1e-4  # stated numbers come out as stated; who converted psi by hand kept five digits
 NOTHING_KNOWN = ("unknown", "open")

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import json
 
-import numpy as np
-
 from ..fem.table import MaterialTable, load_table
+from ..predictors.packed import packed
 from ..predictors.resolve.similarity import FILE, row_text
 
 
@@ -17,8 +16,8 @@ def keep_vectors(table: MaterialTable) -> None:
     from ..predictors.encoders.minilm import MiniLM
 
     texts = [row_text(row) for row in table if not row.grade]
-    vectors = MiniLM().text(texts).astype(np.float16)
-    save_file({"vectors": vectors}, FILE, metadata={"texts": json.dumps(texts)})
+    stored = packed({"vectors": MiniLM().text(texts)})
+    save_file(stored, FILE, metadata={"texts": json.dumps(texts)})
 
 
 if __name__ == "__main__":

@@ -18,7 +18,7 @@ FLOORS = {
         "identify", "scenarios", "safety", "uncertainty",
     ),
     "predictors": (
-        "asset", "grid", "field", "encoders", "text", "appearance", "prediction", "resolve",
+        "packed", "asset", "grid", "field", "encoders", "text", "appearance", "prediction", "resolve",
         "partition", "predictor", "construction", "matter", "regions", "film", "unipixie", "assign",
     ),
     "converters": (

@@ -25,6 +25,7 @@ from ...fem.table import MaterialTable
 from ..encoders import TextEncoder
 from ..encoders.minilm import gelu
 from ..matter import FEATURES, CategoriesByAppearance, measure
+from ..packed import unpacked
 from ..text.parts import KINDS, kind_of
 
 WEIGHTS = Path(__file__).parents[1] / "weights" / "regions.safetensors"
@@ -156,8 +157,6 @@ class RegionNetwork:
     def load(cls, path: Path = WEIGHTS) -> RegionNetwork:
         """Return the shipped ones, or those of a file of safetensors.
 
-        A weight of a matrix is a byte times the step of its row, "NAME.step".
-
         Raises InputError: Where it is no such file, or of other measures or kinds.
         """
         from safetensors import SafetensorError, safe_open
@@ -165,17 +164,12 @@ class RegionNetwork:
         try:
             with safe_open(path, framework="np") as file:
                 facts = {name: json.loads(fact) for name, fact in file.metadata().items()}
-                stored = {k: file.get_tensor(k).astype(np.float32) for k in file.keys()}
+                stored = {k: file.get_tensor(k) for k in file.keys()}
             if facts["measures"] != list(MEASURES) or facts["kinds"] != list(KINDS):
                 raise ValueError(Note("matter.other_features"))
         except (SafetensorError, OSError, AttributeError, KeyError, ValueError) as error:
             raise InputError("regions.no_weights", path=path, error=error) from error
-        tensors = {
-            k: x * stored.get(f"{k}.step", np.float32(1))
-            for k, x in stored.items()
-            if not k.endswith(".step")
-        }
-        return cls(tensors, facts)
+        return cls(unpacked(stored), facts)
 
     def inputs(
         self,

@@ -17,6 +17,7 @@ from jaxtyping import Float
 
 from ...fem.table import Material, MaterialTable
 from ..encoders import TextEncoder
+from ..packed import unpacked
 
 # Below this cosine a part's name says nothing of its material: measured on 30 part names, where
 # "rug" has .74 with carpet, "mattress" .49 with memory foam, but "leg" .38 with meat.
@@ -112,9 +113,10 @@ def row_text(row: Material) -> str:
 
 @cache
 def kept_vectors() -> Mapping[str, np.ndarray]:
-    """Unit vectors (384,) by text, of ``all-MiniLM-L6-v2``, rounded to half precision."""
+    """Unit vectors (384,) by text, of ``all-MiniLM-L6-v2``, kept as bytes."""
     from safetensors import safe_open
 
     with safe_open(FILE, framework="np") as file:
         texts = json.loads(file.metadata()["texts"])
-        return dict(zip(texts, file.get_tensor("vectors").astype(np.float32), strict=True))
+        stored = {name: file.get_tensor(name) for name in file.keys()}
+    return dict(zip(texts, unpacked(stored)["vectors"], strict=True))

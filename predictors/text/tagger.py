@@ -25,6 +25,7 @@ from jaxtyping import Float
 from ...fem.note import Note
 from ...fem.table import MaterialTable
 from ..encoders.minilm import MAX_TOKENS, MiniLM
+from ..packed import unpacked
 from .clauses import GENERAL, Bound, BoundPart, Clause, Gloss, Place, Subject, over
 from .english import words as lists
 from .materials import lexicon_of
@@ -142,7 +143,7 @@ class Tagger(MiniLM):
 
         super().__init__(folder)
         self._tokenizer.no_truncation()
-        found = {key: w.astype(np.float32) for key, w in load_file(learned).items()}
+        found = unpacked(load_file(learned))
         for key, weight in found.items():
             kind, _, name = key.partition(".")
             if kind == "learned":

@@ -13,6 +13,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
+from ....predictors.packed import packed
 from ....predictors.regions.division import assigned
 from ....predictors.regions.network import MEASURES
 from ....predictors.text.parts import KINDS
@@ -22,7 +23,6 @@ from ..trainer import Losses, Report, Trained, train_network
 from .network import RegionBatch, RegionTransformer
 from .sampler import FOLDS, Habits, RegionSampler
 
-LEAST = 1e-2  # of the largest weight of a row: its step is a number of half precision
 EACH = 0.3  # what a region counts for itself, beside its volume: small things count too
 
 
@@ -178,21 +178,15 @@ def write_regions(
 
 def save_regions(path: Path, networks: Sequence[RegionTransformer], facts: dict[str, Any]) -> None:
     """Write networks, one along the first axis; of matrices bytes, and a step for every row."""
-    from safetensors.torch import save_file
+    from safetensors.numpy import save_file
 
     states = [network.state_dict() for network in networks]
     stacked = {
-        name: torch.stack([state[name].cpu() for state in states]).float() for name in states[0]
+        name: torch.stack([state[name].cpu() for state in states]).float().numpy()
+        for name in states[0]
     }
-    tensors = {}
-    for name, whole in stacked.items():
-        tensors[name] = whole.half()
-        if whole.ndim > 2:  # a matrix
-            step = (whole.abs().amax(dim=-1, keepdim=True).clamp(min=LEAST) / 127).half()
-            tensors[name] = torch.round(whole / step.float()).clamp(-127, 127).to(torch.int8)
-            tensors[f"{name}.step"] = step
     told = {name: json.dumps(fact) for name, fact in facts.items()}
-    save_file(tensors, path, metadata=told)
+    save_file(packed(stacked, axes=3), path, metadata=told)
 
 
 @torch.inference_mode()

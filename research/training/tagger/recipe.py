@@ -17,6 +17,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
+from ....predictors.packed import packed
 from ....predictors.text.tagger import ROLES, asked, question
 from ..options import TrainerOptions
 from ..trainer import Losses, Trained, train_network
@@ -294,13 +295,13 @@ def train_tagger(
 
 
 def save_learned(network: TaggerNetwork, path: Path) -> None:
-    """Write what was learned, half precision."""
-    from safetensors.torch import save_file
+    """Write what was learned, of matrices bytes."""
+    from safetensors.numpy import save_file
 
     found = {
-        key.replace("/", "."): value.detach().half().cpu().contiguous()
+        key.replace("/", "."): value.detach().float().cpu().numpy()
         for key, value in network.state_dict().items()
         if not key.startswith("frozen")
     }
     path.parent.mkdir(parents=True, exist_ok=True)
-    save_file(found, path)
+    save_file(packed(found), path)

@@ -16,5 +16,6 @@ def test_every_row_is_kept():
 def test_they_are_the_encoders_own():
     texts = [row_text(row) for row in TABLE if not row.grade][::40]
     kept = np.stack([kept_vectors()[text] for text in texts])
-    # half precision keeps eleven bits of numbers below 1/4
-    np.testing.assert_allclose(kept, MiniLM().text(texts), atol=2**-13)
+    true = MiniLM().text(texts)
+    half_a_step = np.abs(true).max(axis=1, keepdims=True) / 254  # of the bytes of its row
+    assert (np.abs(kept - true) <= 1.001 * half_a_step + 1e-6).all()  # single precision, threads
