@@ -18,8 +18,9 @@ FLOORS = {
         "identify", "scenarios", "safety", "uncertainty",
     ),
     "predictors": (
-        "packed", "asset", "grid", "field", "encoders", "text", "appearance", "prediction", "resolve",
-        "partition", "predictor", "construction", "matter", "regions", "film", "unipixie", "assign",
+        "packed", "asset", "grid", "field", "encoders", "text", "appearance", "prediction",
+        "resolve", "partition", "predictor", "construction", "matter", "regions", "film",
+        "unipixie", "assign",
     ),
     "converters": (
         "registry", "files", "npz", "archives", "kernels", "mesh", "grids", "points", "embedding",

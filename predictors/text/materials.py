@@ -29,6 +29,7 @@ from .english import (
     small_words,
     words,
 )
+from .laminates import laminates
 from .parts import part_words
 
 NEAREST = 3  # rows that are named beside an unknown material
@@ -41,6 +42,14 @@ class Meaning(NamedTuple):
 
     role: str
     value: Any = None
+
+
+class Designated(NamedTuple):
+    """Where a designation stands in a text, and the row of its family."""
+
+    start: int
+    end: int
+    row: Material
 
 
 @lru_cache(maxsize=1)
@@ -66,7 +75,7 @@ class ReaderLexicon:
         self._acronyms: set[Phrase] = set()
         self._row_words: dict[str, set[str]] = {}  # of the rows that were asked for
         self.listed: set[Phrase] = set()  # with a comma in them: "oak, willow"
-        self._designated: tuple[str, list[tuple[re.Match, Material]]] = "", []
+        self._designated: tuple[str, list[Designated]] = "", []
         called = [(row, name) for row in table for name in (row.name, *row.aliases)]
         # A name may carry what tells it from its kin: "oak, willow (along grain)".
         called += [(row, re.sub(r"\s*\(.*?\)", "", row.name)) for row in table]
@@ -226,10 +235,15 @@ class ReaderLexicon:
             if row
         ]
 
-    def designated(self, text: str) -> list[tuple[re.Match, Material]]:
-        """Where a text has designations, each with its family's row; kept of the last text."""
+    def designated(self, text: str) -> list[Designated]:
+        """Where a text has designations and laminates, each with its row; kept of the last text."""
         if self._designated[0] != text:
-            found = [(m, row) for find, row in self.designations for m in find.finditer(text)]
+            found = [
+                Designated(*m.span(), row) for find, row in self.designations
+                for m in find.finditer(text)
+            ]  # fmt: skip
+            rows = ((place, self.first_row(place.rows)) for place in laminates(text))
+            found += [Designated(place.start, place.end, row) for place, row in rows if row]
             self._designated = text, found
         return self._designated[1]
 
@@ -266,16 +280,16 @@ def named_materials(
         if best:
             part = best.words[-1] in known and not best.words[-1].isdigit()  # "PZT-4" of ring_4
             found.append(replace(best, part=part, names=best.names or best.words[-1:] * part))
-    graded = [x for x in found if x.value.grade]
-    for m, row in lexicon.designated(text):
+    graded = [x for x in found if x.value.grade and re.search(r"\d", x.text)]
+    for start, end, row in lexicon.designated(text):
         # "EN AW-6082 T6" has a row, and "EN AW-6082 T4" its family's.
         own = (
             x.value for x in graded
-            if m.start() <= x.start and x.end == m.end() and x.value.category == row.category
-            and not re.search(r"\d", text[m.start() : x.start])
+            if start <= x.start and x.end == end and x.value.category == row.category
+            and not re.search(r"\d", text[start : x.start])
         )  # fmt: skip
-        value = next(own, row)
-        found.append(Lexeme(m[0], m.start(), m.end(), "material", value, (m[0].lower(),)))
+        said = text[start:end]
+        found.append(Lexeme(said, start, end, "material", next(own, row), (said.lower(),)))
     return found
 
 
@@ -350,7 +364,7 @@ def mended_spelling(
     A designation is spelt as it is: "Perunal" is no Perbunan. Returns the atoms, notes on the
     whole, where the words stand that nobody knows, and by place what was mended.
     """
-    coded = [m.span() for m, _ in lexicon.designated(text)]
+    coded = [(start, end) for start, end, _ in lexicon.designated(text)]
     odd = [
         i for i, atom in enumerate(cut)
         if not _is_known(atom, lexicon, known)
