@@ -640,7 +640,7 @@ class Decider:
         choice = replace(choice, value=value, derivation=derivation, exact=exact)
         if derivation and not statement.open:
             choice = replace(choice, settled=True)
-        if {*FIELDS} <= measured:
+        if {*FIELDS} <= {*exact}:  # and not contradicted: "E = 1 GPa, E = 2 GPa"
             choice = as_stated(choice)
         # Sentences about what was said of a part and could not be taken as it stands
         notes = []

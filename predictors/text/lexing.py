@@ -10,9 +10,10 @@ from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import product
 from typing import NamedTuple
 
 from ...fem.note import Note
@@ -495,7 +496,6 @@ def join_comparisons(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
 
 _HARDNESS = re.compile(r"(?:hardness\W*(?:of )?)?([AD])?-?([1-9]\d)([AD])?")
 _NUMBER = re.compile(r"(?!\d\.\d{4}$)\d[\d.]*")  # "1.4301" is a grade and nothing else
-_LIGHTEST, _HEAVIEST = 400, 23000  # [kg/m^3] of a number without a unit behind a modulus
 _YEAR = re.compile(r"(?:19|20)\d\d")
 _CLASS = re.compile(r"\d\d?\.\d")  # of bolts: "8.8"
 _RUBBERY = re.compile(r"(?i)\b(?:T?PU|TPE|polyurethane|urethane)\b")
@@ -504,8 +504,8 @@ _RUBBERY = re.compile(r"(?i)\b(?:T?PU|TPE|polyurethane|urethane)\b")
 def bare_numbers(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
     """Take numbers without a word for what they are where their neighbours tell it.
 
-    Two digits beside a rubber are its hardness, as lists of seals write it ("NBR 70", "rubber
-    A-70"); what follows a modulus and lies below 0.5 is Poisson's ratio ("69 GPa / 0.33").
+    Two digits beside a rubber are its hardness, as lists of seals write it: "NBR 70", "rubber
+    A-70".
     """
     out: list[Lexeme] = []
     for i, lexeme in enumerate(lexemes):
@@ -516,21 +516,12 @@ def bare_numbers(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
             and (x.value.category == "elastomer" or _RUBBERY.search(x.value.name))
         )  # fmt: skip
         rubber = next(rubbers, None)
-        last = next((x for x in out[:-3:-1] if x.role == "number"), None)  # or a sign after it
-        of_modulus = last and isinstance(last.value, Quantity) and last.value.measure == "E"
         bare = shore is not None and not (shore[1] or shore[3] or "hardness" in lexeme.text)
         close = not bare or rubber in [x for x in lexemes[:i][-2:] if x.role != "hyphen"][-1:]
         if shore and rubber and close and lexeme.role in ("digits", "word", "told", "material"):
             measure = "shore_d" if "D" in (shore[1], shore[3]) else "shore_a"
             note = Note("lexing.beside_taken", text=lexeme.text, text_2=rubber.text)
             value = Quantity(measure, float(shore[2]), lexeme.text)
-        elif lexeme.role == "digits" and 0 < number(lexeme.text) < 0.5 and of_modulus:
-            note = Note("lexing.after_modulus", text=lexeme.text)
-            value = Quantity("nu", number(lexeme.text), lexeme.text)
-        elif lexeme.role == "digits" and of_modulus and out[-1].text == "/":  # "205 GPa / 7850"
-            if _LIGHTEST < number(lexeme.text) < _HEAVIEST:
-                note = Note("lexing.after_modulus_rho", text=lexeme.text)
-                value = Quantity("rho", number(lexeme.text), lexeme.text)
         out.append(replace(lexeme, role="number", value=value, note=note) if note else lexeme)
     return out
 
@@ -603,12 +594,15 @@ def is_hue(after: Sequence[Lexeme]) -> bool:
 
 _SPACED = r"\s{2,}"  # columns that are aligned
 _WORDS = r"\s+(?![\[(])"  # columns of one word each but the last: "Part E [GPa] Material"
+_SLASHED = r"\s/\s"
+_VALUED = re.compile(r"[\s~≈<>]*[-\d.]")  # a cell that begins with a number
 _COLUMN_UNIT = re.compile(
     r"(?i)(?<![a-z])([kmg]?pa|(?:k|da)?N/mm(?:\^?2|²)|[km]?psi|ksi|msi)(?![a-z])"
-    r"|(?<![a-z])(k?g|t)[ /]?([cd]?m)[³3]|(?<![a-z])(lbs?)/(?:cu\.? ?)?(in|ft)\^?[³3]?"
+    r"|(?<![a-z])(k?g|t)[ /]?([cdm]?m)\^?[³3]|(?<![a-z])(lbs?)/(?:cu\.? ?)?(in|ft)\^?[³3]?"
     r"|(?<![a-z])pcf(?![a-z])"
 )
 _MEASURES = ("E", "nu", "rho")
+_RULED, _EDGES = re.compile(r"[\s|:+-]*-[\s|:+-]*"), re.compile(r"^\s*\||\|\s*$")  # "|---|---|"
 _ITEM = r"(?:pos(?:ition)?|item|no|nr|teil|rep(?:ère)?)\.? ?(\d+)"
 
 
@@ -622,12 +616,15 @@ def in_sentences(text: str, names: Sequence[str] = (), lexicon: ReaderLexicon | 
     """
     known = {name.lower() for name in names}
     text = _by_position(text, names, lexicon) if lexicon else text
-    text = _under_units(_decks(_with_positions(text, names)))
-    lines, out = text.splitlines(), list[str]()
+    text = _under_units(_decks(_grouped(_with_positions(text, names))))
+    lines = [line for line in text.splitlines() if not _RULED.fullmatch(line)]
+    lines, out = [_EDGES.sub("", line) if "|" in line else line for line in lines], list[str]()
     while lines:
         head, *lines = lines
-        for sign in (";", "\t", "|", ",", _SPACED, _WORDS):
+        for sign in (";", "\t", "|", ",", _SPACED, _WORDS, _SLASHED):
             columns = [_column(name) for name in _cells(head, sign)]
+            if "name" not in columns and len({*columns} & {*_MEASURES}) > 1 and not columns[0]:
+                columns[0] = "name"
             if "name" not in columns or len({*columns} - {""}) < 2:
                 continue
             if sign == _WORDS and not (all(columns[1:]) and len(columns) > 3 and len(lines) > 1):
@@ -637,10 +634,11 @@ def in_sentences(text: str, names: Sequence[str] = (), lexicon: ReaderLexicon | 
             units = [_COLUMN_UNIT.search(name.replace("_", " ")) for name in _cells(head, sign)]
             for row in rows[:count]:
                 said = [
-                    (column, f"{column} = {cell} {_unit(unit)}" if column in _MEASURES else cell)
+                    (column, f"{column} = {cell} {_unit(unit)}" if _VALUED.match(cell) else cell)
+                    if column in _MEASURES else (column, cell)
                     for column, cell, unit in zip(columns, row, units, strict=False)
-                    if column not in _MEASURES or any(c.isdigit() for c in cell)
-                ]
+                    if column not in _MEASURES or any(c.isalnum() for c in cell)
+                ]  # fmt: skip
                 names = [cell for column, cell in said if column == "name"]
                 matter = [cell for column, cell in said if column not in ("", "name")]
                 out.append(f"{names[0]}: {', '.join(filter(str.strip, matter))};")
@@ -672,7 +670,8 @@ _SENTENCE = re.compile(
     r"[^\s;,.].*?(?=\n|;\s|(?<=\w{2}|.[)%])\.\s+[A-ZÄÖÜÉ]|\.?\s*$)", re.MULTILINE
 )
 _BEFORE_LIST = re.compile(
-    r":(?=\s)|[-=]>|→|(?<=\s)(?:are|sind|sont|son)(?: made)?(?: of| from| in| aus| en| de)?(?=\s)"
+    r":(?=\s)|[-=]>|→|(?<=\s)=(?=\s)"
+    r"|(?<=\s)(?:are|sind|sont|son)(?: made)?(?: of| from| in| aus| en| de)?(?=\s)"
 )
 _COMMA = r",(?!\d)"
 _SIGNS = (
@@ -690,11 +689,13 @@ def _by_position(text: str, names: Sequence[str], lexicon: ReaderLexicon) -> str
     plain = re.sub(r"\(\s*\)", _blank, _ORDER.sub(_blank, text))
     out, at, lexemes = "", 0, list[Lexeme]()
     for found in _SENTENCE.finditer(text):
-        head, (start, end) = _BEFORE_LIST.search(plain, *found.span()), found.span()
+        start, end = found.span()
         told = plain[start:end] != text[start:end]
-        for sign in _SIGNS:
-            things = _items(plain, start, head.start(), sign) if head else []
-            matters = _items(plain, head.end() if head else start, end, sign)
+        heads = [m.span() for m in _BEFORE_LIST.finditer(plain, start, end)] or [(start, start)]
+        begins = [start, *(after for _, after in heads[:-1])]  # "from left: a, b = oak, pine"
+        cuts = zip(begins, heads, strict=True)
+        for (begin, (head, after)), sign, other in product(cuts, _SIGNS, _SIGNS):
+            things, matters = _items(plain, begin, head, sign), _items(plain, after, end, other)
             listed = len(things) == len(matters) >= (2 if told else _LEAST)
             if len(matters) < 2 or not (told or listed):
                 continue
@@ -705,7 +706,7 @@ def _by_position(text: str, names: Sequence[str], lexicon: ReaderLexicon) -> str
                 called = [called[0], *(called[0][: last.start()] + n for n in called[1:])]
             spoken = [[x for x in lexemes if over(item, (x.start, x.end))] for item in matters]
             named = any(x.part and x.role != "material" for own in spoken for x in own)
-            strange = 1 if head else 0  # where no list of parts stands before it, all are known
+            strange = int(head > begin)  # where no list of parts stands before it, all are known
             if called and not named and _is_each(spoken, strange):
                 said = (
                     f"{name}: {text[a:b]}" for name, (a, b) in zip(called, matters, strict=True)
@@ -761,16 +762,16 @@ def _unit(found: re.Match | None) -> str:
 
 def _column(name: str) -> str:
     """What a column of this name holds, "" where that is no matter."""
-    bare = re.sub(r"[\[(].*|_(?=[A-Za-z]*/?[a-z]*\d?$).*", "", name).strip(" .:").lower()
+    bare = re.sub(r"[\[(].*|_(?=[A-Za-z]*/?[a-z]*\d?$).*", "", name).strip(" .:/").lower()
     unit = _COLUMN_UNIT.search(name.replace("_", " "))
-    if unit and not (rest := bare.replace(unit[0].lower(), "").strip(" .:,")):
+    if unit and not (rest := bare.replace(unit[0].lower(), "").strip(" .:,/")):
         return "E" if unit[1] else "rho"
     kinds = words()["columns"].items()
     return next((kind for kind, names in kinds if {bare, unit and rest} & {*names}), "")
 
 
 def _cells(line: str, sign: str, most: int = 0) -> Sequence[str]:
-    if sign in (_SPACED, _WORDS):
+    if sign in (_SPACED, _WORDS, _SLASHED):
         most = max(most - 1, 0) if sign == _WORDS else 0
         return [cell.strip() for cell in re.split(sign, line.strip(), maxsplit=most)]
     return [cell.strip(' "') for cell in next(csv.reader([line], delimiter=sign), [])]
@@ -779,10 +780,11 @@ def _cells(line: str, sign: str, most: int = 0) -> Sequence[str]:
 # Numbers whose units stand once, before them: "mat card (GPa / kg/m3): pin 210 / 7850; tray ...".
 
 _FIGURE = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
-_PRESSURE, _DENSITY = r"[kMG]?Pa|N/mm[²2]|[kM]?psi|[kM]si", r"k?g/[cd]?m[³3]|t/m[³3]|g/cc|pcf"
+_PRESSURE = r"[kMG]?Pa|k?N/mm(?:\^?2|²)|[kM]?psi|[kM]si"
+_DENSITY = r"k?g/[cd]?m\^?[³3]|t/m\^?[³3]|g/cc|pcf|lbs?/(?:cu\.? ?)?(?:in|ft)\^?[³3]?"
 _HEADING = re.compile(
-    rf"[(\[](?:E ?(?:in)? ?)?({_PRESSURE}) ?([/,;|]) ?"
-    rf"(?:(?:rho|ρ|density) ?(?:in)? ?)?({_DENSITY})[)\]]"
+    rf"(?<![\d.\w])(?<![\d.] )(?:E ?(?:in)? ?)?[(\[]?(?:E ?(?:in)? ?)?({_PRESSURE})[)\]]? ?"
+    rf"([/,;|]|and) ?(?:(?:rho|ρ|density|w) ?(?:in)? ?)?[(\[]?({_DENSITY})[)\]]?(?=[^\d:\n]*:)"
 )
 
 
@@ -792,6 +794,7 @@ def _under_units(text: str) -> str:
     if head is None:
         return text
     E, sign, rho = head.groups()
+    sign = "/" if sign == "and" else sign
     rest = re.sub(
         rf"(?<![\w.,])({_FIGURE}) ?{re.escape(sign)} ?({_FIGURE})(?![\w%]|[.,]\d)",
         lambda m: f"E = {m[1]} {E}, rho = {m[2]} {rho}",
@@ -800,14 +803,79 @@ def _under_units(text: str) -> str:
     return text[: head.start()] + rest
 
 
+# Numbers beside each other, of which one says its unit or name: "68.9 GPa / 0.33 / 2.70".
+
+_BETWEEN = r"(?:\s*[/,;&]\s*|\s+(?=0?\.\d))"
+_NAMED = r"(?:nu|ν|v|pr|poisson\w*|rho|ρ|density)\s?[=:]?\s?"
+_LABELLED = (
+    rf"(?:{_NAMED})?{_FIGURE}(?:\s?(?:{_DENSITY}))?(?![\w%°]|[.,]\d|\s?(?:[a-zA-Z°%]|\u00b1))"
+)
+_GROUP = re.compile(
+    rf"(?<![\w.,])(?P<E>{_FIGURE}\s?(?P<unit>{_PRESSURE}))(?P<rest>(?:{_BETWEEN}{_LABELLED}){{1,2}})"
+)
+_OF_GROUP = re.compile(rf"{_BETWEEN}({_NAMED})?({_FIGURE})(\s?(?:{_DENSITY}))?")
+_BARE_E = re.compile(
+    rf"(?<![\w.])([Ee]\s?[=:]?\s?)({_FIGURE})(?=\s*[,;/ ]\s*(?:nu|ν|v|pr)\s?[=:]?\s?0?\.\d)"
+)
+_SHEAR = re.compile(
+    rf"(?<![\w.])(?:G|(?i:shear modulus))\s?[=:]?\s?({_FIGURE})\s?({_PRESSURE})"
+    rf"(?=[,;/ ]+(?:nu|ν|v|(?i:poisson\S*))\s?[=:]?\s?({_FIGURE}))"
+)
+_IN_A_SYSTEM = re.compile(
+    rf"(?<![\w.,])(?P<E>{_FIGURE})\s?[/,;]\s?(?P<nu>0?\.\d+)\s?[/,;]\s?"
+    r"(?P<rho>\d[\d.]*[eE]-\d+)(?![\w.])"
+    rf"|\bro[\s=]+(?P<rho_2>{_FIGURE})[,\s]+e[\s=]+(?P<E_2>{_FIGURE})"
+    rf"[,\s]+pr[\s=]+(?P<nu_2>{_FIGURE})"
+)
+
+
+def _grouped(text: str) -> str:
+    """The text with what numbers beside an E are; an E of G and nu, E = 2 G (1 + nu), for the G."""
+
+    def named(m: re.Match) -> str:
+        out, imperial = m["E"], m["unit"].endswith(("psi", "si"))
+        nu = False  # Poisson's ratio is said
+        for name, figure, unit in _OF_GROUP.findall(m["rest"]):
+            value, label = float(figure), name
+            if name or unit:
+                nu |= bool(name) and name[0] in "nνvp"
+            elif 0 < value < 0.5 and not (imperial and nu):
+                nu, label = True, "nu = "
+            elif imperial and value < 1:
+                label, unit = "rho = ", " lb/in3"
+            elif 0.5 <= value < 23 and "." in figure:
+                label, unit = "rho = ", " g/cm3"
+            elif 23 <= value < 23e3 and not imperial:
+                label, unit = "rho = ", " kg/m3"
+            out += f", {label}{figure}{unit}"
+        return out
+
+    def in_units(m: re.Match) -> str:
+        E, nu, rho = (float(m[name] or m[f"{name}_2"]) for name in ("E", "nu", "rho"))
+        system = next((s for s in _SYSTEMS if s[0][0] <= rho < s[0][1]), None)
+        if system is None or not 0 < nu < 0.5:
+            return m[0]
+        return f"E = {E * system[1]:.10g} Pa, nu = {nu:g}, rho = {rho * system[2]:.10g} kg/m3"
+
+    def of_shear(m: re.Match) -> str:
+        if re.search(rf"(?<!\w)E\s?[=:]?\s?{_FIGURE}\s?\w*[,;/ ]*$", text[: m.start()]):
+            return m[0]  # both are said
+        return f"E = {2 * float(m[1]) * (1 + float(m[3])):.6g} {m[2]}"
+
+    text = _IN_A_SYSTEM.sub(in_units, _SHEAR.sub(of_shear, text))
+    text = _BARE_E.sub(lambda m: m[0] + " GPa" * (0.5 <= float(m[2]) <= 1300), text)
+    return _GROUP.sub(named, text)
+
+
 # Decks: what a solver's cards say of E, nu and the density, in the units that the density tells.
 
 
 class _Card(NamedTuple):
-    """Numbers of a material in a deck, with its number or name there."""
+    """Numbers of a material in a deck, with its number or name there, and the number beside it."""
 
     key: str
     numbers: dict[str, float]
+    number: str = ""
 
 
 # A density tells the units of a deck: Pa, kg/m3 and then of an E and of a density.
@@ -833,7 +901,7 @@ _KEYWORD = re.compile(r"(?i)^\*(ELASTIC|DENSITY)\b")
 _ASTER = re.compile(r"(?i)^(\w+)\s*=\s*DEFI_MATERIAU\s*\((.*)\)")
 _GIVEN = re.compile(rf"(?i)\b(E|NU|RHO)\s*=\s*({_FIGURE})")
 _CALLED = re.compile(
-    r"(?i)\bmat(?:erial)?\s*(\d+)\s*=\s*([^,;=]+)|([^,;=]+?)\s*=\s*mat(?:erial)?\s*(\d+)"
+    r"(?i)(?:\bmat(?:erial)?\s*|(?<![\w.]))(\d+)\s*=\s*([^,;=.]+)|([^,;=]+?)\s*=\s*mat(?:erial)?\s*(\d+)"
 )
 _UNITS = re.compile(
     r"(?i)\b(?:N[-, /]+mm[-, /]+t(?:on(?:ne)?s?)?|t(?:on(?:ne)?s?)?[-, /]+mm[-, /]+[Ns]"
@@ -842,14 +910,19 @@ _UNITS = re.compile(
 
 
 _SILENT = re.compile(
-    rf"{_CALLED.pattern}|{_UNITS.pattern[4:]}|\bunits?\b|\bro\s+e\b", re.IGNORECASE
+    rf"{_CALLED.pattern}|{_UNITS.pattern[4:]}|\bunits?\b|\bro,?\s+e\b|\bin[-, ]+lbf|^MKS$"
+    r"|\bkg[-, ]+mm",
+    re.IGNORECASE,
 )
 
 
 def _decks(text: str) -> str:
     """The text with a sentence in place of each material's cards; bare numbers in their units."""
+    text = _CONTINUED.sub(" ", _LISTED.sub(_as_cards, text))
+    text = _OPENSEES.sub(r"\nMAT1,\1,\2,,\3,\4\n", text)
     if not _BEGUN.search(text):
-        return _in_units(text)
+        text, defined = _definitions(_in_units(text))
+        return _referred(text, defined)
     text = _REMARK.sub(_before_its_card, text)
     lines = text.splitlines()
     cards, called = [*_cards(lines)], dict[str, list[str]]()
@@ -857,7 +930,10 @@ def _decks(text: str) -> str:
     for m in (m for comment in comments for m in _CALLED.finditer(comment)):
         called.setdefault(m[1] or m[4], []).append((m[2] or m[3]).strip().replace(" + ", " and "))
     names = {card.key for card in cards}
-    told = (one for comment in comments for one in re.split(r"(?<=\w{4})\.\s+", comment.strip()))
+    told = (
+        one for comment in comments
+        for one in re.split(r"(?:(?<=\w{4})|(?<=\)))\.\s+", comment.strip())
+    )  # fmt: skip
     said = [f"{one};" for one in told if one and not _SILENT.search(one) and one not in names]
     low = {name.lower() for name in names}
     said += [
@@ -865,8 +941,8 @@ def _decks(text: str) -> str:
         if _PROSE.search(line) and not _IN_DECK.match(line) and not _COMMENT.match(line)
         and line.lower() not in low
     ]  # fmt: skip
-    out = []
-    for key, numbers in cards:
+    out, defined = list[str](), dict[str, str]()
+    for key, numbers, number_of in cards:
         system = next((s for s in _SYSTEMS if s[0][0] <= numbers.get("rho", 0) < s[0][1]), None)
         if system is None and "E" in numbers:
             system = (0, 0), 1.0 if numbers["E"] > 1e8 else 1e6 if _UNITS.search(text) else 0.0, 0.0
@@ -880,8 +956,102 @@ def _decks(text: str) -> str:
             values = [f"{measure} = {value:.10g}" for measure, value in numbers.items()]
         if not numbers:
             continue
-        out += [f"{name}: {', '.join(values)};" for name in dict.fromkeys(called.get(key, [key]))]
-    return "\n".join([*out, *said])
+        if key in called or not any(_is_key(one, said) for one in (key, number_of) if one):
+            named = dict.fromkeys(called.get(key, [key]))
+            out += [f"{name}: {', '.join(values)};" for name in named]
+        else:
+            defined |= dict.fromkeys(filter(None, (key, number_of)), ", ".join(values))
+    return "\n".join([*out, _referred("\n".join(said), defined)])
+
+
+# Materials that a text defines and gives to parts by their numbers or names: "M1: E = 210 GPa;
+# bucket M1", "base plate is mid 2", "shell -> 1".
+
+_KEY = r"(?:mid|mat(?:erial)?|MID|MAT|PID)?[ _]?#?"
+_DEFINED = re.compile(
+    r"(?<![\w-])(?:(?:(?:mid|mat(?:erial)?)\b ?#?|M|MAT_)(\w{1,8})) ?(?:[:=]|(?<=#\d)) ?"
+    r"((?:[^;\n.(]|\([^)]*\)|\.(?=\d|\w))+?) ?(?:;|\.(?=\s|$)|\n|$|\s/\s)",
+    re.IGNORECASE,
+)
+_VERBS = re.compile(
+    r"(?i)^(?:(?:is|are|goes|go|for|on|takes?|uses?|the|to|gets?)\b|=|->|:|\s)+"
+    r"|(?:\b(?:is|are|use|uses|using|take|takes|gets?|goes|as|made of|from|of)\b|[-=]>|[=:→]|\s)+$"
+)
+
+
+def _definitions(text: str) -> tuple[str, dict[str, str]]:
+    """A text without the materials that it defines in a line each, and these by their keys."""
+    found = [m for m in _DEFINED.finditer(text) if re.search(r"\d", m[2])]
+    if len(found) < 2 or len({m[1] for m in found}) < len(found):
+        return text, {}
+    for m in reversed(found):
+        text = text[: m.start()] + text[m.end() :].lstrip("/ ")
+    return text, {m[1]: m[2] for m in found}
+
+
+def _reference(keys: Collection[str]) -> re.Pattern:
+    """A key at the beginning or the end of what is said."""
+    spelt = (r"[ _-]".join(map(re.escape, re.split(r"[ _-]", key))) for key in keys)
+    named = "|".join(sorted(spelt, key=len, reverse=True))
+    key = rf"(?:(?:mid|mat(?:erial)?|PID|M|MAT_)? ?#?)(?P<{{0}}>{named})"
+    first = key.format("first") + r"(?= (?:goes|is|are|for|on|=|->)\b| ?(?:=|->)|(?<=\d) [^\W\d])"
+    return re.compile(rf"(?i)^{first}|(?<![\w.]){key.format('last')}$")
+
+
+def _spelt(key: str) -> str:
+    return re.sub(r"[ _-]", " ", key).lower()
+
+
+def _is_key(key: str, said: Sequence[str]) -> bool:
+    """Whether a text gives a material to parts by its key."""
+    pattern = _reference([key])
+    return any(pattern.search(chunk) for line in said for chunk in _chunks(line))
+
+
+def _chunks(line: str) -> list[str]:
+    return [c.strip() for c in re.split(r"[;.](?=\s|$)|,(?=\s)|\s\(.*?\)", line) if c.strip()]
+
+
+def _referred(text: str, defined: Mapping[str, str]) -> str:
+    """The text with what its materials are in place of their keys."""
+    if not defined:
+        return text
+    pattern = _reference(defined)
+    by_key = {_spelt(key): said for key, said in defined.items()}
+    out = list[str]()
+    for sentence in re.split(r"(?<=[;.\n])\s+|\n", text):
+        waiting = list[str]()  # parts before the one that the key stands beside
+        for chunk in _chunks(sentence):
+            found = pattern.search(chunk)
+            key = found and _spelt(found["first"] or found["last"])
+            parts = found and _VERBS.sub("", f"{chunk[: found.start()]} {chunk[found.end() :]}")
+            if key and parts:
+                named = ", ".join([*waiting, _VERBS.sub("", parts).strip()])
+                out.append(f"{named.replace('+', ' and ')}: {by_key[key]};")
+                waiting = []
+            elif found or re.search(r"\d|\b(?:is|are)\b", chunk):
+                out, waiting = [*out, *(f"{w}," for w in waiting), f"{chunk};"], []
+            else:
+                waiting.append(chunk)
+        out += [f"{w};" for w in waiting]
+    return "\n".join(out)
+
+
+# Cards of more lines than one, or more than one in a line.
+_CONTINUED = re.compile(r"(?<=[\d.])[ \t]*\n\*(?=\s)|(?<=\d)\s*\$(?=MP,)")
+_OPENSEES = re.compile(
+    rf"nDMaterial ElasticIsotropic (\d+) ({_FIGURE}) ({_FIGURE}) ({_FIGURE})(?: *;)?"
+)
+# Cards within a line: "MAT1,11,70300.,,.33,2.78-9 is for the skin, MAT1,12,...".
+_LISTED = re.compile(
+    r"(?i)(?<!\S)(MAT1(?:,[^,\s]*)+?),? +(?:is +)?(?:for|on|->|=) +"
+    r"([^(.\n]+?)(?=,? *MAT1|[(.\n]|$)"
+)
+
+
+def _as_cards(m: re.Match) -> str:
+    """A card and who has it, as a comment and a card."""
+    return f"\n$ {m[2].strip(' ,;')}\n{m[1]}\n"
 
 
 def _before_its_card(found: re.Match) -> str:
@@ -908,7 +1078,8 @@ def _cards(lines: Sequence[str]) -> Iterator[_Card]:
             if not free and len(numbers) == 3:  # the empty field of G
                 numbers.insert(1, None)
             kinds = zip(("E", "G", "nu", "rho"), numbers, strict=False)
-            yield _Card(title or cells[1].strip(), {k: n for k, n in kinds if n and k != "G"})
+            number_of, numbers = cells[1].strip(), {k: n for k, n in kinds if n and k != "G"}
+            yield _Card(title or number_of, numbers, number_of)
             title = ""
         elif found := _ABAQUS.match(line):
             numbers, kind = {}, ""
@@ -929,9 +1100,14 @@ def _cards(lines: Sequence[str]) -> Iterator[_Card]:
         elif _LS_DYNA.match(line):
             rows = [row.strip() for row in lines[at:] if not row.startswith("$")]
             titled = "_TITLE" in line.upper()
-            cells = re.split(r"[,\s]+", rows[titled].strip(" ,")) if len(rows) > titled else []
-            kinds = zip(("rho", "E", "nu"), map(_real, cells[1:4]), strict=False)
-            yield _Card(rows[0] if titled and rows else title, {k: n for k, n in kinds if n})
+            for row in rows[titled:]:
+                cells = re.split(r"[,\s]+", row.strip(" ,"))
+                numbers = list(map(_real, cells[:4]))
+                if len(numbers) < 4 or None in numbers:
+                    break
+                kinds = zip(("rho", "E", "nu"), numbers[1:], strict=True)
+                name = rows[0] if titled else title or cells[0]
+                yield _Card(name, {k: n for k, n in kinds if n}, cells[0])
         elif found := _ASTER.match(line):
             given = {m[1]: float(m[2]) for m in _GIVEN.finditer(found[2])}
             kinds = {"E": "E", "NU": "nu", "RHO": "rho"}

@@ -21,6 +21,10 @@ from .parts import parts_called
 _FACTOR = re.compile(
     r"(?<![\w.,])(\d+(?:[.,]\d+)?) ?(?:x|×|-?fach\w*|[- ]?mal|times|fois|veces)(?!\w)"
 )
+BY_FACTOR = re.compile(
+    r"\s*(?:by |um |d'|por )?(?:an? |einen |un )?(?:factor|faktor|facteur)(?: of| von| de)? "
+    r"(\d+(?:[.,]\d+)?)"
+)
 _PERCENT = re.compile(r"(?<![\w.,])(\d+(?:[.,]\d+)?) ?%")
 _LONGEST = 4  # words of a part's name
 _MORE = 2.0  # times: what "stiffer" is at the least, and "softer" the other way
@@ -63,7 +67,7 @@ def relation_of(
         return Relation(other, None) if same and other is not None else None
     way = -1 if any(begun[measure].startswith(b) for b in data["less"]["of"]) else 1
     way = -way if any(w.startswith(t) for w in tokens for t in data["less"]["turns"]) else way
-    times, share = _FACTOR.search(low), _PERCENT.search(low)
+    times, share = _FACTOR.search(low) or BY_FACTOR.search(low), _PERCENT.search(low)
     factor, exact = 1.0, True
     if times:
         factor = number(times[1])

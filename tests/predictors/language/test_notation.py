@@ -267,3 +267,64 @@ def test_two_lists_that_go_on_alike(clauses_of, text, names):
 )
 def test_what_is_no_list_by_position_stays(text):
     assert in_sentences(text, ["legs", "seat", "back"], lexicon_of(TABLE)) == text
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "MAT1,1,210000.,,0.3,7.85-9\nMAT1,2,70000.,,0.33,2.70-9\n"
+        "base plate and both ribs are mid 1, top cover mid 2 (N, mm, t). Feet NBR.",
+        "*MAT_ELASTIC\n$ mid ro e pr\n 11 7.85e-9 2.10e5 0.30\n*MAT_ELASTIC\n"
+        " 12 2.70e-9 7.0e4 0.33\nbase plate = 11, both ribs = 11, top cover = 12. Feet NBR",
+        "*MAT_PIECEWISE_LINEAR_PLASTICITY\n1, 7.85E-6, 210.0, 0.30\n2, 2.70E-6, 70.0, 0.33\n"
+        "$ kg-mm-ms-kN-GPa. 1 = base plate and both ribs, 2 = top cover. Feet NBR.",
+        "*Material, name=ST_A\n*Density\n7.85e-09,\n*Elastic\n210000., 0.3\n"
+        "*Material, name=AL\n*Density\n2.7e-09,\n*Elastic\n70000., 0.33\n"
+        "ST_A goes on base plate and both ribs, AL on the top cover. Feet NBR.",
+        "MP,EX,1,2.1e11\nMP,NUXY,1,0.3\nMP,DENS,1,7850\nMP,EX,2,7.0e10\nMP,NUXY,2,0.33\n"
+        "MP,DENS,2,2700\nBase plate and ribs -> mat 1; top cover -> mat 2. Feet NBR.",
+        "MAT1*   3   2.1E+11   0.3\n*   7850.0\nMAT1*   4   7.0E+10   0.33\n*   2700.0\n"
+        "base plate, both ribs -> 3, top cover -> 4. Feet NBR.",
+        "OpenSees, N-mm-tonne: nDMaterial ElasticIsotropic 1 210000 0.3 7.85e-9 ; "
+        "nDMaterial ElasticIsotropic 2 70000 0.33 2.7e-9. 1 base plate + ribs, 2 top cover.",
+        "MAT1,11,210000.,,.3,7.85-9 is for base plate and both ribs, "
+        "MAT1,12,7.+4,,.33,2.7-9 for the top cover (mm N t s). Feet NBR.",
+        "M1: E=210e3 MPa v=0.3 rho=7850. M2: E=70e3 MPa v=0.33 rho=2700. "
+        "base plate and ribs M1, top cover M2, feet NBR.",
+        "mid 1: ro 7.85e-6 e 210 pr 0.3 / mid 2: ro 2.7e-6 e 70 pr 0.33. "
+        "Base plate and both ribs take 1, the top cover 2.",
+        "part / E (GPa) / nu / rho (kg/m3)\nbase plate / 210 / 0.3 / 7850\n"
+        "rib / 210 / 0.3 / 7850\ntop cover / 70 / 0.33 / 2700\n(feet: NBR)",
+        "| item | E [GPa] | nu | rho [kg/m3] |\n|---|---|---|---|\n"
+        "| base plate | 210 | 0.3 | 7850 |\n| rib | 210 | 0.3 | 7850 |\n"
+        "| top cover | 70 | 0.33 | 2700 |",
+        "comp    E/MPa   nu    rho/(kg/dm3)\nbase plate   210000  0.30  7.85\n"
+        "ribs   210000  0.30  7.85\ntop cover   70000  0.33  2.70\nfeet    NBR, see supplier",
+    ],
+)
+def test_a_material_reaches_the_parts_that_its_key_or_row_names(text):
+    found = values(text, ["BasePlate", "rib_L", "rib_R", "TopCover", "foot_01"])
+    for name, wanted in (
+        ("BasePlate", STEEL),
+        ("rib_L", STEEL),
+        ("rib_R", STEEL),
+        ("TopCover", ALU),
+    ):
+        assert found[name] == pytest.approx(wanted, rel=1e-9), name
+    assert not found["foot_01"]
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "arms / top plate / motor bells = oak / brass / PTFE",
+        "arms / top plate / motor bells = oak, brass, PTFE",
+        "arms, top plate, motor bells: oak / brass / PTFE",
+        "stack from left: arms, top plate, motor bells = oak, brass, PTFE",
+    ],
+)
+def test_two_lists_may_have_other_signs(text):
+    parts = ["arm_1", "arm_2", "top_plate", "motor_bell"]
+    bound = read_sentence(text, [[name] for name in parts], TABLE)
+    said = [[bound.sentence.clauses[k].material for k in part.clauses] for part in bound.parts]
+    assert said == [[TABLE.phrases[row].name] for row in ("oak", "oak", "brass", "ptfe")]

@@ -1,5 +1,7 @@
 """Numbers of a text: every notation gives one value in SI; what is no measure of ours is none."""
 
+import re
+
 import pytest
 from autophyx_tet.predictors.text.reader import parse
 
@@ -69,15 +71,39 @@ def test_a_number_is_read_in_every_notation(clauses_of):
 
 
 def test_a_number_without_a_word_is_what_its_neighbours_tell(clauses_of):
-    """Digits after a rubber are its hardness, after a modulus Poisson's ratio: both told."""
+    """Digits after a rubber are its hardness, and told."""
     for text, wanted in [
         ("ring: FKM-75", ("shore_a", 75.0)),
         ("ring: polyurethane D60", ("shore_d", 60.0)),
-        ("ring: 69 GPa / 0.33", ("nu", 0.33)),
     ]:
         (said, *_) = clauses_of(text, ["ring"])["ring"]
         assert wanted in [(q.measure, q.value) for q in said.numbers], text
         assert said.doubts, text
+
+
+@pytest.mark.parametrize(
+    ("text", "E", "nu", "rho"),
+    [
+        ("ring: 69 GPa / 0.33", 69e9, 0.33, None),
+        ("ring: 205 GPa / 7850", 205e9, None, 7850.0),
+        ("hub 71 GPa / 0.33 / 2.83", 71e9, 0.33, 2830.0),
+        ("plate (141 GPa / 8.05 / 0.29)", 141e9, 0.29, 8050.0),
+        ("rod (196 GPa, 7.8 kg/dm3, 0.27)", 196e9, 0.27, 7800.0),
+        ("ring 206000 / 0.3 / 7.85e-9", 206e9, 0.3, 7850.0),  # mm, t, s
+        ("bar 207, 0.28, 7.83e-6", 207e9, 0.28, 7830.0),  # mm, kg, ms
+        ("rim 29.7 Msi / .29 / .284", 29.7e6 * 6894.757293, 0.29, 0.284 * 27679.905),
+        ("pin 10.4 Msi, .33, .102 lb/in3", 10.4e6 * 6894.757293, 0.33, 0.102 * 27679.905),
+        ("cap e=113.8 nu=.342 rho=4.43", 113.8e9, 0.342, 4430.0),
+        ("wire: G = 80 GPa, nu = 0.3, rho = 7900", 208e9, 0.3, 7900.0),  # E = 2 G (1 + nu)
+        ("rod: E = 365 GPa, G = 156 GPa, nu = 0.17", 365e9, 0.17, None),
+    ],
+)
+def test_numbers_beside_each_other_tell_what_they_are(clauses_of, text, E, nu, rho):
+    part = re.match(r"\w+", text)[0]
+    found = {q.measure: q.value for c in clauses_of(text, [part])[part] for q in c.numbers}
+    wanted = {"E": E, "nu": nu, "rho": rho}
+    # figures are kept to six digits where they are converted
+    assert found == pytest.approx({k: v for k, v in wanted.items() if v is not None}, rel=1e-5)
 
 
 def test_a_comma_before_decimals_makes_points_part_thousands(clauses_of):
