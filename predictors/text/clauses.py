@@ -236,6 +236,7 @@ def bind(sentence: Sentence, labels: Sequence[Sequence[str]]) -> Bound:
             if (
                 clause.subject.scope == "parts"
                 and (clause.subject.names[0][:1] == ("other",)) == other
+                and not _beside_it(clause)
             ):
                 names = [name[1:] if other else name for name in clause.subject.names]
                 for name in names[:1] if other else names:
@@ -293,6 +294,16 @@ def bind(sentence: Sentence, labels: Sequence[Sequence[str]]) -> Bound:
     mute = sorted(i for i in named if {*bound[i].how} <= {*GENERAL})
     sentence = replace(sentence, clauses=tuple(counted))
     return Bound(sentence, tuple(bound), tuple(left), tuple(mute))
+
+
+_BESIDE = re.compile(r"(?i)\b(?:as|of|than)\s+(?:the\s+)?([^\W_]+)\W*$")
+
+
+def _beside_it(clause: Clause) -> bool:
+    """Whether what another is compared with was taken for the part: "twice the modulus of A"."""
+    found = _BESIDE.search(clause.text) if clause.comparisons and not clause.material else None
+    own = clause.comparisons and not clause.comparisons[0].other
+    return bool(own and found and clause.subject.names[0][-1:] == (found[1].lower(),))
 
 
 def _general(

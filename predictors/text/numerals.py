@@ -180,6 +180,7 @@ _BARE = {
 _TRIPLE = re.compile(rf"\(\s*({_NUMBER})\s*,\s*({_NUMBER})\s*,\s*({_NUMBER})\s*\)")
 _DIRECTED = re.compile(r"E_?(?:x|L|1|11|xx)\b")
 _MINUS = re.compile(r"[=:]\s*[-−]$")
+_NO_STRENGTH = 1e10  # Pa: more than anything but a fibre bears, so a modulus
 _MOST = {"E": 2e12, "rho": 25e3}  # beyond, a comma before three digits is a decimal point
 _EUROPEAN = re.compile(r"(?<![\d.,])(?:0,\d|\d+,\d{1,2}(?![\d,]))")
 
@@ -336,7 +337,8 @@ def _read(match: re.Match, *, cued: bool) -> Numeral | None:
         return Numeral(start, end, None, Note("numerals.used_2", said=said, reason=reason))
     if measure == "nu" and not value < 0.5:
         return Numeral(start, end, None, Note("numerals.poissons_ratio", said=said))
-    return Numeral(start, end, Quantity(cast(Measure, measure), value, said, cued), note)
+    called = cued or (measure == "E" and value >= _NO_STRENGTH)
+    return Numeral(start, end, Quantity(cast(Measure, measure), value, said, called), note)
 
 
 def number(text: str) -> float:

@@ -29,7 +29,8 @@ def part_name_words(name: str) -> Phrase:
     model = load_model()
     out: list[str] = []
     for i, word in enumerate(kept):
-        short = data["short"].get(word) if i or len(word) > 1 else None
+        short = data["abbreviated"].get(word)
+        short = short or (data["short"].get(word) if i or len(word) > 1 else None)
         out += short.split() if short else [model.singular(word)]
     return tuple(out)
 

@@ -16,7 +16,7 @@ from typing import Any, Literal, NamedTuple
 from .languages import bare, languages
 from .materials import ReaderLexicon, atoms
 from .numerals import Comparison, number
-from .parts import parts_called
+from .parts import part_name_words, parts_called
 
 _FACTOR = re.compile(
     r"(?<![\w.,])(\d+(?:[.,]\d+)?) ?(?:x|×|-?fach\w*|[- ]?mal|times|fois|veces)(?!\w)"
@@ -90,8 +90,7 @@ def relation_of(
     other = before if found is None else found
     if other is None:
         return None
-    name = tuple(re.findall(r"[^\W_]+", labels[other][0]))
-    return Relation(other, Comparison(measure, factor, exact, name))
+    return Relation(other, Comparison(measure, factor, exact, part_name_words(labels[other][0])))
 
 
 def _first(factors: dict[str, list[str]], low: str) -> float | None:

@@ -29,7 +29,7 @@ from ..packed import unpacked
 from .clauses import GENERAL, Bound, BoundPart, Clause, Gloss, Place, Subject, over
 from .english import words as lists
 from .materials import lexicon_of
-from .parts import places
+from .parts import part_words, places
 from .phrases import Meant, load_phrases
 from .reader import parse
 from .relations import BY_FACTOR, Relation, relation_of
@@ -52,7 +52,8 @@ _APART = re.compile(lists()["hedges"]["apart"])  # "two of the legs", "the third
 @lru_cache(maxsize=4096)
 def shown_name(name: str) -> str:
     """Words of a part's name: "legFL_01" -> "leg front left 1"."""
-    words = [word for word in _CUT.split(name) if word]
+    longer = part_words()["abbreviated"]
+    words = [longer.get(word.lower(), word) for word in _CUT.split(name) if word]
     shown = [
         lists()["sides"].get(word.lower(), word.lower()) if i else word.lower()
         for i, word in enumerate(words)
