@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+LEAST = 1e-30  # of a row's largest number: below, it is one of noughts
 STEP = ".step"  # ends the name of the steps of a weight
 
 
@@ -22,7 +23,7 @@ def packed(weights: Mapping[str, np.ndarray], *, axes: int = 2) -> dict[str, np.
             out[name] = whole.astype(np.float16)
             continue
         largest = np.abs(whole).max(axis=-1, keepdims=True)
-        step = (np.where(largest, largest, 1) / 127).astype(np.float32)
+        step = (np.where(largest > LEAST, largest, 1) / 127).astype(np.float32)
         out |= {name: np.round(whole / step).astype(np.int8), f"{name}{STEP}": step}
     return out
 

@@ -18,7 +18,18 @@ from .english import DATA
 _JOIN = re.compile(r"[\s/()+\-–]{0,3}|, ?")  # between the words of one laminate
 
 
-_ALONE = ("intermediate", "high", "pitch", "grade")  # fibres that nobody uses without a resin
+_ALONE = (
+    "intermediate",
+    "high",
+    "pitch",
+    "grade",
+    "k13d",
+    "m40",
+    "m46",
+    "m55",
+    "m60",
+    "t1100",
+)  # fibres that nobody uses without a resin
 
 
 class Laminate(NamedTuple):

@@ -30,7 +30,7 @@ def test_a_sentence_with_a_verb_says_what_its_subject_is_of(agree):
 def test_a_material_before_a_noun_is_its_matter(agree):
     agree("""
         a copper kettle with a cork stopper => kettle: copper; stopper: cork
-        teak deck, bronze cleats and nylon rope => deck: teak; cleat_1: bronze; rope: nylon
+        teak deck, bronze cleats and nylon rope => deck: teak; cleat_1: bronze; rope: nylon rope
         Stainless steel bowl on a walnut tray => bowl: stainless steel; tray: walnut
         granite counter and sink => counter, sink: granite
         wooden spokes, rubber tyre => spoke_1, spoke_2: wood; tyre: rubber
