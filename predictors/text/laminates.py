@@ -15,7 +15,9 @@ from typing import Any, NamedTuple
 
 from .english import DATA
 
-_JOIN = re.compile(r"[\s/()+\-–]{0,3}|, ?")  # between the words of one laminate
+_JOIN = re.compile(r"[ \t/()+\-–]{0,3}|, ?")  # between the words of one laminate
+# Words that behind a comma may begin something else: "glass, fabric seat"
+_LOOSE = re.compile(r"(?i)mat|fabric|cloth|satin|tissue|braid(?:ed)?|forged|uni|45 ?(?:°|deg)")
 
 
 _ALONE = (
@@ -83,7 +85,7 @@ def _runs(text: str) -> Iterator[list[_Token]]:
         kinds = {t.kind for t in run}
         joins = run and _JOIN.fullmatch(gap)
         if "," in gap:  # "carbon, 2x2 twill", but "carbon, glass" and "CSM, biax glass"
-            joins = joins and kind != "fibre" and "fibre" in kinds
+            joins = joins and kind == "lay" and "fibre" in kinds and not _LOOSE.fullmatch(m[0])
         elif "+" in gap:  # "kevlar + carbon hybrid", but "UD carbon + triax"
             joins = joins and not ({"lay", "resin"} & kinds and kind in ("fibre", "lay"))
         if not joins:

@@ -30,7 +30,7 @@ from .materials import (
     named_materials,
 )
 from .numerals import NUMBERS, Blend, Comparison, Numeral, Quantity, counted_by, number, numerals
-from .parts import part_name_words
+from .parts import part_name_words, part_words
 
 # Of candidates over each other the longest is taken, then the one of the lowest rank.
 _RANK = {"part": 0, "number": 1, "material": 2, "told": 2.5, "size": 2.5}
@@ -615,8 +615,9 @@ def in_sentences(text: str, names: Sequence[str] = (), lexicon: ReaderLexicon | 
     ``names``. Lists by position want a ``lexicon``, which knows what is a matter.
     """
     known = {name.lower() for name in names}
+    text = _unabridged(text, names)
     text = _by_position(text, names, lexicon) if lexicon else text
-    text = _under_units(_decks(_grouped(_with_positions(text, names))))
+    text = _under_units(_decks(_grouped(_with_positions(text, names)), names))
     lines = [line for line in text.splitlines() if not _RULED.fullmatch(line)]
     lines, out = [_EDGES.sub("", line) if "|" in line else line for line in lines], list[str]()
     while lines:
@@ -650,6 +651,16 @@ def in_sentences(text: str, names: Sequence[str] = (), lexicon: ReaderLexicon | 
             plain = row and not known & {cell.lower() for cell in row[1:]}
             out.append(f"{row[0]}: {', '.join(row[1:])};" if plain else head)
     return "\n".join(out)
+
+
+def _unabridged(text: str, names: Collection[str]) -> str:
+    """The text with whole words for those that the parts' names shorten: "hsg steel"."""
+    long = part_words()["abbreviated"]
+    said = {w.lower() for name in names for w in re.findall(r"[A-Z]?[a-z]+|[A-Z]+", name)}
+    short = "|".join(sorted({*long} & said, key=len, reverse=True))
+    if not short:
+        return text
+    return re.sub(rf"(?i)(?<![\w-])({short})(?![\w-])", lambda m: long[m[1].lower()], text)
 
 
 def _with_positions(text: str, names: Collection[str]) -> str:
@@ -711,7 +722,10 @@ def _by_position(text: str, names: Sequence[str], lexicon: ReaderLexicon) -> str
                 said = (
                     f"{name}: {text[a:b]}" for name, (a, b) in zip(called, matters, strict=True)
                 )
-                out, at = f"{out}{text[at:start]}{'; '.join(said)}", end
+                said_before = (x for x in lexemes if start <= x.start and x.end <= begin)
+                before = any(x.role == "material" for x in said_before)
+                kept = text[at : begin if before else start]
+                out, at = f"{out}{kept}{' ' * before}{'; '.join(said)}", end
                 break
     return out + text[at:]
 
@@ -783,8 +797,9 @@ _FIGURE = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _PRESSURE = r"[kMG]?Pa|k?N/mm(?:\^?2|²)|[kM]?psi|[kM]si"
 _DENSITY = r"k?g/[cd]?m\^?[³3]|t/m\^?[³3]|g/cc|pcf|lbs?/(?:cu\.? ?)?(?:in|ft)\^?[³3]?"
 _HEADING = re.compile(
-    rf"(?<![\d.\w])(?<![\d.] )(?:E ?(?:in)? ?)?[(\[]?(?:E ?(?:in)? ?)?({_PRESSURE})[)\]]? ?"
-    rf"([/,;|]|and) ?(?:(?:rho|ρ|density|w) ?(?:in)? ?)?[(\[]?({_DENSITY})[)\]]?(?=[^\d:\n]*:)"
+    rf"(?:(?<=[Uu]nits are )|(?<=[Uu]nits: )|(?=E ?[(\[])|(?=[(\[]))(?:E ?(?:in)? ?)?[(\[]?"
+    rf"(?:E ?(?:in)? ?)?({_PRESSURE})[)\]]? ?([/,;|]|and) ?"
+    rf"(?:(?:rho|ρ|density|w) ?(?:in)? ?)?[(\[]?({_DENSITY})[)\]]?(?=[^\d:\n]*:|[)\]]?\s)"
 )
 
 
@@ -805,15 +820,18 @@ def _under_units(text: str) -> str:
 
 # Numbers beside each other, of which one says its unit or name: "68.9 GPa / 0.33 / 2.70".
 
-_BETWEEN = r"(?:\s*[/,;&]\s*|\s+(?=0?\.\d))"
+_BETWEEN = r"(?:\s*[/|&]\s*|\s*[,;]\s+|\s+and\s+|\s*\(\s*|\s+(?=0?\.\d))"
 _NAMED = r"(?:nu|ν|v|pr|poisson\w*|rho|ρ|density)\s?[=:]?\s?"
+_DECIMAL = rf"(?:\d+,\d+|{_FIGURE})"
 _LABELLED = (
-    rf"(?:{_NAMED})?{_FIGURE}(?:\s?(?:{_DENSITY}))?(?![\w%°]|[.,]\d|\s?(?:[a-zA-Z°%]|\u00b1))"
+    rf"(?:{_NAMED})?{_DECIMAL}(?:\s?(?:{_DENSITY})(?!\w)"
+    r"|(?![\w%°×€\"”µ-]|[.,]\d|\s?(?:[^\W\d_]|[°%±×€\"”-])))"
 )
 _GROUP = re.compile(
     rf"(?<![\w.,])(?P<E>{_FIGURE}\s?(?P<unit>{_PRESSURE}))(?P<rest>(?:{_BETWEEN}{_LABELLED}){{1,2}})"
 )
-_OF_GROUP = re.compile(rf"{_BETWEEN}({_NAMED})?({_FIGURE})(\s?(?:{_DENSITY}))?")
+_OF_GROUP = re.compile(rf"({_BETWEEN})({_NAMED})?({_DECIMAL})(\s?(?:{_DENSITY})(?!\w))?")
+_NO_MODULUS = re.compile(r"(?i)(?:strength|stress|yield|tensile|uts|rm|re|rp0[.,]2|load)\W*$")
 _BARE_E = re.compile(
     rf"(?<![\w.])([Ee]\s?[=:]?\s?)({_FIGURE})(?=\s*[,;/ ]\s*(?:nu|ν|v|pr)\s?[=:]?\s?0?\.\d)"
 )
@@ -827,27 +845,34 @@ _IN_A_SYSTEM = re.compile(
     rf"|\bro[\s=]+(?P<rho_2>{_FIGURE})[,\s]+e[\s=]+(?P<E_2>{_FIGURE})"
     rf"[,\s]+pr[\s=]+(?P<nu_2>{_FIGURE})"
 )
+_STIFF = 600  # GPa: more has no number without a unit
 
 
 def _grouped(text: str) -> str:
     """The text with what numbers beside an E are; an E of G and nu, E = 2 G (1 + nu), for the G."""
 
     def named(m: re.Match) -> str:
-        out, imperial = m["E"], m["unit"].endswith(("psi", "si"))
+        if _NO_MODULUS.search(text[: m.start()]):
+            return m[0]
+        out, imperial = m["E"], m["unit"].endswith("si")
         nu = False  # Poisson's ratio is said
-        for name, figure, unit in _OF_GROUP.findall(m["rest"]):
-            value, label = float(figure), name
+        for sign, name, figure, unit in _OF_GROUP.findall(m["rest"]):
+            value, label = float(figure.replace(",", ".")), name
+            tabled = nu or "/" in sign or "|" in sign
             if name or unit:
-                nu |= bool(name) and name[0] in "nνvp"
+                nu |= name[:1] in ("n", "ν", "v", "p")
             elif 0 < value < 0.5 and not (imperial and nu):
                 nu, label = True, "nu = "
             elif imperial and value < 1:
                 label, unit = "rho = ", " lb/in3"
-            elif 0.5 <= value < 23 and "." in figure:
+            elif 0.5 <= value < 23 and ("." in figure or "," in figure) and tabled:
                 label, unit = "rho = ", " g/cm3"
-            elif 23 <= value < 23e3 and not imperial:
+            elif 400 <= value < 23e3 and tabled:
                 label, unit = "rho = ", " kg/m3"
-            out += f", {label}{figure}{unit}"
+            if label == name:
+                out += f"{sign}{name}{figure}{unit}"
+            else:
+                out += f", {label}{figure}{unit}"
         return out
 
     def in_units(m: re.Match) -> str:
@@ -858,12 +883,16 @@ def _grouped(text: str) -> str:
         return f"E = {E * system[1]:.10g} Pa, nu = {nu:g}, rho = {rho * system[2]:.10g} kg/m3"
 
     def of_shear(m: re.Match) -> str:
-        if re.search(rf"(?<!\w)E\s?[=:]?\s?{_FIGURE}\s?\w*[,;/ ]*$", text[: m.start()]):
+        before = re.split(r"[;\n]|\.\s", text[: m.start()])[-1]
+        after = re.split(r"[;\n]|\.\s", text[m.end() :])[0]
+        if re.search(rf"(?<!\w)E\s?[=:]?\s?{_FIGURE}", f"{before} {after}"):
             return m[0]  # both are said
         return f"E = {2 * float(m[1]) * (1 + float(m[3])):.6g} {m[2]}"
 
-    text = _IN_A_SYSTEM.sub(in_units, _SHEAR.sub(of_shear, text))
-    text = _BARE_E.sub(lambda m: m[0] + " GPa" * (0.5 <= float(m[2]) <= 1300), text)
+    text = _SHEAR.sub(of_shear, text)
+    text = _IN_A_SYSTEM.sub(in_units, text)
+    if not re.search(rf"(?<!\w)(?:{_PRESSURE})(?!\w)", text) and not _UNITS.search(text):
+        text = _BARE_E.sub(lambda m: m[0] + " GPa" * (0.5 <= float(m[2]) <= _STIFF), text)
     return _GROUP.sub(named, text)
 
 
@@ -916,13 +945,12 @@ _SILENT = re.compile(
 )
 
 
-def _decks(text: str) -> str:
+def _decks(text: str, names: Collection[str] = ()) -> str:
     """The text with a sentence in place of each material's cards; bare numbers in their units."""
-    text = _CONTINUED.sub(" ", _LISTED.sub(_as_cards, text))
+    text = _CONTINUED.sub(lambda m: f"{m[1]} " if m[1] else "\n", _LISTED.sub(_as_cards, text))
     text = _OPENSEES.sub(r"\nMAT1,\1,\2,,\3,\4\n", text)
     if not _BEGUN.search(text):
-        text, defined = _definitions(_in_units(text))
-        return _referred(text, defined)
+        return _referred(*_definitions(_in_units(text), names))
     text = _REMARK.sub(_before_its_card, text)
     lines = text.splitlines()
     cards, called = [*_cards(lines)], dict[str, list[str]]()
@@ -967,11 +995,9 @@ def _decks(text: str) -> str:
 # Materials that a text defines and gives to parts by their numbers or names: "M1: E = 210 GPa;
 # bucket M1", "base plate is mid 2", "shell -> 1".
 
-_KEY = r"(?:mid|mat(?:erial)?|MID|MAT|PID)?[ _]?#?"
 _DEFINED = re.compile(
-    r"(?<![\w-])(?:(?:(?:mid|mat(?:erial)?)\b ?#?|M|MAT_)(\w{1,8})) ?(?:[:=]|(?<=#\d)) ?"
-    r"((?:[^;\n.(]|\([^)]*\)|\.(?=\d|\w))+?) ?(?:;|\.(?=\s|$)|\n|$|\s/\s)",
-    re.IGNORECASE,
+    r"(?<![\w-])(?:(?i:mid|mat(?:erial)?) ?#?(?=\d)|M(?=\d)|MAT_)(\w{1,8}) ?(?:[:=]|(?<=#\d)) ?"
+    r"((?:[^;\n.(]|\([^)]*\)|\.(?=\d|\w))+?) ?(?:;|\.(?=\s|$)|\n|$|\s/\s)"
 )
 _VERBS = re.compile(
     r"(?i)^(?:(?:is|are|goes|go|for|on|takes?|uses?|the|to|gets?)\b|=|->|:|\s)+"
@@ -979,57 +1005,93 @@ _VERBS = re.compile(
 )
 
 
-def _definitions(text: str) -> tuple[str, dict[str, str]]:
-    """A text without the materials that it defines in a line each, and these by their keys."""
-    found = [m for m in _DEFINED.finditer(text) if re.search(r"\d", m[2])]
-    if len(found) < 2 or len({m[1] for m in found}) < len(found):
-        return text, {}
+def _definitions(text: str, names: Collection[str]) -> tuple[str, dict[str, str]]:
+    """A text without the materials that it defines and gives to parts, and these by their keys."""
+    called = {word for name in names for word in part_name_words(name)}
+    found = [
+        m for m in _DEFINED.finditer(text)
+        if re.search(r"\d", m[2]) and not {"mat", "material", f"m{m[1].lower()}"} & called
+    ]  # fmt: skip
+    rest = text
     for m in reversed(found):
-        text = text[: m.start()] + text[m.end() :].lstrip("/ ")
-    return text, {m[1]: m[2] for m in found}
-
-
-def _reference(keys: Collection[str]) -> re.Pattern:
-    """A key at the beginning or the end of what is said."""
-    spelt = (r"[ _-]".join(map(re.escape, re.split(r"[ _-]", key))) for key in keys)
-    named = "|".join(sorted(spelt, key=len, reverse=True))
-    key = rf"(?:(?:mid|mat(?:erial)?|PID|M|MAT_)? ?#?)(?P<{{0}}>{named})"
-    first = key.format("first") + r"(?= (?:goes|is|are|for|on|=|->)\b| ?(?:=|->)|(?<=\d) [^\W\d])"
-    return re.compile(rf"(?i)^{first}|(?<![\w.]){key.format('last')}$")
+        rest = rest[: m.start()] + rest[m.end() :].lstrip("/ ")
+    keys = {m[1]: m[2] for m in found}
+    if len(keys) < 2 or len(keys) < len(found) or not all(_is_key(k, [rest]) for k in keys):
+        return text, {}
+    return rest, keys
 
 
 def _spelt(key: str) -> str:
     return re.sub(r"[ _-]", " ", key).lower()
 
 
+class _Keyed(NamedTuple):
+    """Parts, the key of their material, and whether a sign said that it is one."""
+
+    parts: str
+    key: str
+    signed: bool
+
+
+def _keyed(chunk: str, keys: Collection[str], *, signed: bool) -> _Keyed | None:
+    """What a chunk of a sentence says by a key at its end or beginning.
+
+    A number alone is a key where a ``signed`` one stood before it: "shell -> 1, lid 2".
+    """
+    spelt = (r"[ _-]".join(map(re.escape, re.split(r"[ _-]", key))) for key in keys)
+    named = "|".join(sorted(spelt, key=len, reverse=True))
+    sign = (
+        r"(?P<sign>(?:\b(?:mid|mat(?:erial)?|PID) ?#?|\bM(?=\d)|\bMAT_|#"
+        r"|(?:->|→|[=:]|\btakes?|\buses?) ?))"
+    )
+    chunk = re.sub(r"\s*\((?!M\d|MAT|mat|mid)[^()]*\)$", "", chunk)
+    found = re.search(rf"(?i)(?:{sign}|(?<![\w.]))(?P<key>{named})\)?$", chunk)
+    if found and found["key"].isdigit() and not (found["sign"] or signed):
+        found = None
+    found = found or re.search(
+        rf"(?i)^{sign}?(?P<key>{named})"
+        r"(?= (?:goes|is|are|for|on|=|->)\b| ?(?:=|->)|(?<=\d) [^\W\d])",
+        chunk,
+    )
+    if found is None:
+        return None
+    parts = f"{chunk[: found.start()].rstrip('(')} {chunk[found.end() :]}"
+    parts = _VERBS.sub("", _VERBS.sub("", parts.strip()))
+    return _Keyed(parts, _spelt(found["key"]), bool(found["sign"])) if parts else None
+
+
+def _spelt(key: str) -> str:
+    return re.sub(r"[ _-]", " ", key).lower()
+
+
+def _chunks(text: str, keys: Collection[str]) -> Iterator[list[str]]:
+    """What the sentences of a text say one after another, split behind a key too."""
+    named = "|".join(map(re.escape, keys))
+    for sentence in re.split(r"(?<=[;.\n])\s+|\n", text):
+        parted = re.sub(rf"(?i)(?<=\w )((?:M|MAT_|mid |mat )(?:{named})) and ", r"\1, ", sentence)
+        cut = re.split(r"[;,.](?=\s|$)(?![^()]*\))", parted)
+        yield [c.strip() for c in cut if c.strip()]
+
+
 def _is_key(key: str, said: Sequence[str]) -> bool:
     """Whether a text gives a material to parts by its key."""
-    pattern = _reference([key])
-    return any(pattern.search(chunk) for line in said for chunk in _chunks(line))
-
-
-def _chunks(line: str) -> list[str]:
-    return [c.strip() for c in re.split(r"[;.](?=\s|$)|,(?=\s)|\s\(.*?\)", line) if c.strip()]
+    chunks = (chunk for line in said for own in _chunks(line, [key]) for chunk in own)
+    return any(_keyed(chunk, [key], signed=True) for chunk in chunks)
 
 
 def _referred(text: str, defined: Mapping[str, str]) -> str:
     """The text with what its materials are in place of their keys."""
     if not defined:
         return text
-    pattern = _reference(defined)
-    by_key = {_spelt(key): said for key, said in defined.items()}
-    out = list[str]()
-    for sentence in re.split(r"(?<=[;.\n])\s+|\n", text):
-        waiting = list[str]()  # parts before the one that the key stands beside
-        for chunk in _chunks(sentence):
-            found = pattern.search(chunk)
-            key = found and _spelt(found["first"] or found["last"])
-            parts = found and _VERBS.sub("", f"{chunk[: found.start()]} {chunk[found.end() :]}")
-            if key and parts:
-                named = ", ".join([*waiting, _VERBS.sub("", parts).strip()])
-                out.append(f"{named.replace('+', ' and ')}: {by_key[key]};")
-                waiting = []
-            elif found or re.search(r"\d|\b(?:is|are)\b", chunk):
+    by_key, out = {_spelt(key): said for key, said in defined.items()}, list[str]()
+    for chunks in _chunks(text, defined):
+        waiting, signed = list[str](), False  # parts before the one that the key stands beside
+        for chunk in chunks:
+            if found := _keyed(chunk, defined, signed=signed):
+                parts = ", ".join([*waiting, found.parts]).replace("+", " and ")
+                out.append(f"{parts}: {by_key[found.key]};")
+                waiting, signed = [], signed or found.signed
+            elif re.search(r"\d|\b(?:is|are)\b", chunk):
                 out, waiting = [*out, *(f"{w}," for w in waiting), f"{chunk};"], []
             else:
                 waiting.append(chunk)
@@ -1038,7 +1100,7 @@ def _referred(text: str, defined: Mapping[str, str]) -> str:
 
 
 # Cards of more lines than one, or more than one in a line.
-_CONTINUED = re.compile(r"(?<=[\d.])[ \t]*\n\*(?=\s)|(?<=\d)\s*\$(?=MP,)")
+_CONTINUED = re.compile(r"(?im)^(MAT1\*.*)\n\*(?=\s)|(?<=\d)()\s*\$(?=MP,)")
 _OPENSEES = re.compile(
     rf"nDMaterial ElasticIsotropic (\d+) ({_FIGURE}) ({_FIGURE}) ({_FIGURE})(?: *;)?"
 )
@@ -1100,12 +1162,12 @@ def _cards(lines: Sequence[str]) -> Iterator[_Card]:
         elif _LS_DYNA.match(line):
             rows = [row.strip() for row in lines[at:] if not row.startswith("$")]
             titled = "_TITLE" in line.upper()
-            for row in rows[titled:]:
+            for i, row in enumerate(rows[titled:]):
                 cells = re.split(r"[,\s]+", row.strip(" ,"))
                 numbers = list(map(_real, cells[:4]))
-                if len(numbers) < 4 or None in numbers:
-                    break
-                kinds = zip(("rho", "E", "nu"), numbers[1:], strict=True)
+                if i and (len(numbers) < 4 or None in numbers or not cells[0].isdigit()):
+                    break  # of the same material, or of no card
+                kinds = zip(("rho", "E", "nu"), numbers[1:], strict=False)
                 name = rows[0] if titled else title or cells[0]
                 yield _Card(name, {k: n for k, n in kinds if n}, cells[0])
         elif found := _ASTER.match(line):

@@ -22,7 +22,7 @@ _FACTOR = re.compile(
     r"(?<![\w.,])(\d+(?:[.,]\d+)?) ?(?:x|×|-?fach\w*|[- ]?mal|times|fois|veces)(?!\w)"
 )
 BY_FACTOR = re.compile(
-    r"\s*(?:by |um |d'|por )?(?:an? |einen |un )?fa[ck]t(?:or|eur)(?: of| von| de)? "
+    r"(?i)\s*(?:by |um |d'|por )?(?:an? |einen |un )?fa[ck]t(?:or|eur)(?: of| von| de)? "
     r"(\d+(?:[.,]\d+)?)"
 )
 _PERCENT = re.compile(r"(?<![\w.,])(\d+(?:[.,]\d+)?) ?%")

@@ -33,12 +33,12 @@ from ..tagger.templates import load_templates
 DATA = Path(__file__).parent / "data"
 WIDTH = 96
 # How often a source is drawn from, for each of its phrases.
-WEIGHT = {"table": 1.0, "language": 1.0, "standard": 0.6, "reader": 1.5, "hand": 2.5, "other": 0.15}
+WEIGHT = {"table": 1.0, "language": 1.0, "standard": 0.6, "reader": 1.8, "hand": 3.0, "other": 0.25}
 NO_ROW = ""
 OWN = 0.8  # of the target: the row itself; the rest is for rows that weigh and bend alike
 WIDTHS = np.array([0.15, 0.04])  # of that, in ln E and ln rho
 FAMILY = 12, 60, 8  # designations of a pattern: fewest, most, and one more for so many signs
-RATE, BATCH, STEPS = 4e-3, 256, 4000
+RATE, BATCH, STEPS = 4e-3, 256, 5000
 
 
 class Phrase(NamedTuple):

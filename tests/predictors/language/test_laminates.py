@@ -69,3 +69,17 @@ def test_every_row_of_the_list_is_in_the_table():
         for name in ([one] if isinstance(one, str) else one.values())
     ]
     assert {TABLE.exact(name).name for name in rows} == {*rows}
+
+
+@pytest.mark.parametrize(
+    "said",
+    [
+        "lid glass, fabric seat",
+        "lid: glass\nmat: rubber",
+        "window glass, polyester curtain",
+        "top is glass 4x4 m",
+        "lid: 12 mm glass, braided hose rubber",
+    ],
+)
+def test_a_comma_or_a_line_ends_a_laminate(said):
+    assert not laminates(said)

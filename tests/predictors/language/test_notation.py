@@ -328,3 +328,55 @@ def test_two_lists_may_have_other_signs(text):
     bound = read_sentence(text, [[name] for name in parts], TABLE)
     said = [[bound.sentence.clauses[k].material for k in part.clauses] for part in bound.parts]
     assert said == [[TABLE.phrases[row].name] for row in ("oak", "oak", "brass", "ptfe")]
+
+
+@pytest.mark.parametrize(
+    ("text", "names"),
+    [
+        ("Mast: 6061 aluminium; motor: 4140 steel; legs oak", "mast motor legs"),
+        ("lid: modulus = 210 GPa; mass = 3 kg; leg oak", "lid leg"),
+        ("mat 1: rubber 5 mm. mat 2: cork 3 mm. lid oak", "mat_1 mat_2 lid"),
+        ("M6: A2-70 bolts; M8: 8.8 bolts; lid oak", "M6_bolt M8_bolt lid"),
+        ("lid 70 GPa, 7075", "lid"),
+        ("lid 200 GPa, 1.4301", "lid"),
+        ("lid E=70 GPa, 2024-T3", "lid"),
+        ("film 3 GPa, 30 µm", "film"),
+        ("film 3 GPa, 100 × 50 mm", "film"),
+        ("film 3 GPa, 2024-03-12", "film"),
+        ('plate yield 30 ksi, 0.75" thick', "plate"),
+        ("E=1200, nu=0.4 (MPa) for the lid", "lid"),
+        ("lid G = 26 GPa, nu = 0.33, E = 70 GPa", "lid"),
+        ("* lid oak 20\n* legs\n* seat steel", "lid legs seat"),
+        ("Values in MPa and kg/m3 as usual: lid 3/4 inch oak", "lid"),
+    ],
+)
+def test_what_defines_nothing_and_stands_beside_nothing_stays(text, names):
+    assert in_sentences(text, names.split(), lexicon_of(TABLE)) == text
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("2 legs M1, 1 lid M2", {"leg_1": 2.1e11, "leg_2": 2.1e11, "lid": 7e10}),
+        ("Legs (welded) M1; lid M2", {"leg_1": 2.1e11, "leg_2": 2.1e11, "lid": 7e10}),
+        ("Legs (M1), lid (M2)", {"leg_1": 2.1e11, "leg_2": 2.1e11, "lid": 7e10}),
+        ("Legs are M1 and the lid is M2", {"leg_1": 2.1e11, "leg_2": 2.1e11, "lid": 7e10}),
+        ("Legs M1, lid M2. The seat weighs 2", {"seat": None, "lid": 7e10}),
+    ],
+)
+def test_a_key_stands_beside_its_parts(text, said):
+    found = values(f"M1: 210 GPa; M2: 70 GPa. {text}", ["leg_1", "leg_2", "lid", "seat"])
+    assert {name: found[name].get("E") for name in said} == said
+
+
+def test_names_of_files_may_be_short_in_the_text_too(clauses_of):
+    for text in ("hsg: aluminium; brg: bronze", "the housing is aluminium, bearings bronze"):
+        found = clauses_of(text, ["hsg", "brg_608"])
+        assert [found[name][0].material for name in found] == ["aluminium alloy", "bronze"]
+
+
+def test_a_list_by_position_leaves_what_stands_before_it(clauses_of):
+    text = "The lid is oak: legs, seat, back = steel, brass, glass."
+    found = clauses_of(text, ["lid", "legs", "seat", "back"])
+    rows = [TABLE.phrases[row].name for row in ("oak", "steel", "brass", "glass")]
+    assert [found[name][0].material for name in found] == rows
