@@ -846,6 +846,11 @@ _IN_A_SYSTEM = re.compile(
     rf"[,\s]+pr[\s=]+(?P<nu_2>{_FIGURE})"
 )
 _STIFF = 600  # GPa: more has no number without a unit
+_HEAVY = re.compile(rf"[^;\n]*?(?<!\w)(?:rho|ρ|density)\s?[=:]?\s?({_FIGURE})(?!\s?[a-zA-Z])")
+_UNITS_BEHIND = re.compile(
+    rf"(?<!\w)E\s?[=:]?\s?({_FIGURE})(?!\w)([^()\n;]*?(?<!\w)(?:rho|ρ|density)\s?[=:]?\s?{_FIGURE})"
+    rf"\s*[(\[]({_PRESSURE})\s*[,/;]\s*({_DENSITY})[)\]]"
+)
 
 
 def _grouped(text: str) -> str:
@@ -889,10 +894,16 @@ def _grouped(text: str) -> str:
             return m[0]  # both are said
         return f"E = {2 * float(m[1]) * (1 + float(m[3])):.6g} {m[2]}"
 
+    def in_its_unit(m: re.Match) -> str:  # "E = 71.7, nu = .33", "E 210000 nu 0.3 rho 7.85"
+        E, beside = float(m[2]), _HEAVY.match(text, m.end())
+        metal = beside is not None and (7.0 <= float(beside[1]) <= 23 or float(beside[1]) > 2500)
+        return m[0] + (" GPa" if 0.5 <= E <= _STIFF else " MPa" if metal and 1e4 < E < 1e6 else "")
+
+    text = _UNITS_BEHIND.sub(r"E = \1 \3\2 \4", text)
     text = _SHEAR.sub(of_shear, text)
     text = _IN_A_SYSTEM.sub(in_units, text)
     if not re.search(rf"(?<!\w)(?:{_PRESSURE})(?!\w)", text) and not _UNITS.search(text):
-        text = _BARE_E.sub(lambda m: m[0] + " GPa" * (0.5 <= float(m[2]) <= _STIFF), text)
+        text = _BARE_E.sub(in_its_unit, text)
     return _GROUP.sub(named, text)
 
 

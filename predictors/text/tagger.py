@@ -686,12 +686,6 @@ def _compared(
     same = same_words and stated.get("words", set()) <= stated["grammar"]
     said_own, listened = any(c.says_matter for c in own), bool(words)
     doubtful = any(c.doubts for c in own)
-    beside, heard_beside = any(c.comparisons for c in own), any(c.comparisons for c in read)
-    related = any(role == "relation" for role, *_ in said.words)
-    # Of the words of matter those that the grammar has for the part too
-    told = " ".join(clause.phrase for clause in own)
-    mine, heard_words = ({*re.findall(r"\w+", words.lower())} for words in (told, phrase))
-    covered = len(heard_words & mine) / len(heard_words) if heard_words else 1.0
     facts = {
         "one": 1.0,
         "grammar": float(said_own),
@@ -699,12 +693,7 @@ def _compared(
         "grammar_rows": float(len(rows["grammar"]) > 1),
         "grammar_kind": float(any(c.kind for c in own)),
         "grammar_numbers": float(bool(stated["grammar"])),
-        "grammar_relation": float(beside),
-        "grammar_relation_alone": float(beside and not related),
-        "relation_missed": float(related and not beside),
-        "words_relation": float(heard_beside),
-        "uncovered": (1 - covered) * said_own,
-        "uncovered_any": float(covered < 1 and said_own),
+        "grammar_relation": float(any(c.comparisons for c in own)),
         "grammar_unknown": float(any(c.unknown for c in own)),
         "grammar_doubts": float(doubtful),
         "grammar_by_name": float(bool(how) and not {*how} <= {*GENERAL}),
@@ -742,7 +731,7 @@ def _compared(
         "share_moved": _logit(said.share) * said.moved,
         "share_same": _logit(said.share) * same,
         "share_differ": _logit(said.share) * (listened and said_own and not same),
-        "relation_heard": float(related),
+        "relation_heard": float(any(r == "relation" for r, *_ in said.words)),
         "number_heard": float(any(r == "number" for r, *_ in said.words)),
         "alternative": float(any(r == "alternative" for r, *_ in said.words)),
         "excluded": float(any(r == "excluded" for r, *_ in said.words)),

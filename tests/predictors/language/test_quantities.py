@@ -94,6 +94,9 @@ def test_a_number_without_a_word_is_what_its_neighbours_tell(clauses_of):
         ("rim 29.7 Msi / .29 / .284", 29.7e6 * 6894.757293, 0.29, 0.284 * 27679.905),
         ("pin 10.4 Msi, .33, .102 lb/in3", 10.4e6 * 6894.757293, 0.33, 0.102 * 27679.905),
         ("cap e=113.8 nu=.342 rho=4.43", 113.8e9, 0.342, 4430.0),
+        ("cover E=2e5, nu=0.3, rho=7850 (N/mm2, kg/m3)", 200e9, 0.3, 7850.0),
+        ("shaft E 210000 nu 0.3 rho 7.85", 210e9, 0.3, 7850.0),
+        ("gel E = 50000, nu = 0.45, rho = 1000", 5e4, 0.45, 1000.0),
         ("wire: G = 80 GPa, nu = 0.3, rho = 7900", 208e9, 0.3, 7900.0),  # E = 2 G (1 + nu)
         ("rod: E = 365 GPa, G = 156 GPa, nu = 0.17", 365e9, 0.17, None),
     ],
