@@ -874,10 +874,8 @@ def _grouped(text: str) -> str:
                 label, unit = "rho = ", " g/cm3"
             elif 400 <= value < 23e3 and tabled:
                 label, unit = "rho = ", " kg/m3"
-            if label == name:
-                out += f"{sign}{name}{figure}{unit}"
-            else:
-                out += f", {label}{figure}{unit}"
+            parted = label != name or "/" in sign  # "0.32 / 1.75" may be a range
+            out += f"{', ' if parted else sign}{label}{figure}{unit}"
         return out
 
     def in_units(m: re.Match) -> str:
