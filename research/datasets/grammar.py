@@ -65,7 +65,7 @@ def spoken_names(material: Material) -> list[str]:
     names = [*material.aliases, *([] if "," in name or "/" in name else [name])]
     phrases = load_table().phrases
     unseen = {word for kind in part_kinds().values() if kind.held_out for word in kind.words}
-    names = [word for word in dict.fromkeys(names) if word not in unseen]
+    names = [word for word in dict.fromkeys(names) if unseen.isdisjoint(word.split())]
     known = [word for word in names if phrases.get(key_of(word)) is material]
     return known or [name]
 

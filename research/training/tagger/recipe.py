@@ -295,7 +295,7 @@ def train_tagger(
 
 
 def save_learned(network: TaggerNetwork, path: Path) -> None:
-    """Write what was learned, of matrices bytes."""
+    """Write what was learned: of low ranks bytes, which lose little there, else halves."""
     from safetensors.numpy import save_file
 
     found = {
@@ -304,4 +304,5 @@ def save_learned(network: TaggerNetwork, path: Path) -> None:
         if not key.startswith("frozen")
     }
     path.parent.mkdir(parents=True, exist_ok=True)
-    save_file(packed(found), path)
+    low = {name: x for name, x in found.items() if name.startswith(("up.", "down."))}
+    save_file(packed(low) | packed({n: x for n, x in found.items() if n not in low}, axes=9), path)

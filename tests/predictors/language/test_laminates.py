@@ -2,7 +2,7 @@
 
 import pytest
 from autophyx_tet.fem.table import load_table
-from autophyx_tet.predictors.text.laminates import laminates
+from autophyx_tet.predictors.text.materials import laminates
 
 TABLE = load_table()
 
@@ -60,11 +60,11 @@ def test_what_is_no_laminate(said):
 
 
 def test_every_row_of_the_list_is_in_the_table():
-    from autophyx_tet.predictors.text.laminates import _data
+    from autophyx_tet.predictors.text.materials import _of_laminates
 
     rows = [
         name
-        for by_lay in _data()[2].values()
+        for by_lay in _of_laminates()[2].values()
         for one in by_lay.values()
         for name in ([one] if isinstance(one, str) else one.values())
     ]
