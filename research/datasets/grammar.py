@@ -59,13 +59,22 @@ def is_held_out_pair(part: str, material: str) -> bool:
     return zlib.crc32(f"{part}/{material}".encode()) % HELD_OUT_PAIRS == 0
 
 
+@lru_cache(maxsize=1)
+def _unseen() -> frozenset[str]:
+    return frozenset(w for kind in part_kinds().values() if kind.held_out for w in kind.words)
+
+
+def _is_seen(name: str) -> bool:
+    """Whether a material's name holds no word of a part that is held out: "sailcloth"."""
+    return _unseen().isdisjoint(name.split())
+
+
 def spoken_names(material: Material) -> list[str]:
     """Return the words for a row of the table that mean this row and no other."""
     name = material.name.split(" (")[0]
     names = [*material.aliases, *([] if "," in name or "/" in name else [name])]
     phrases = load_table().phrases
-    unseen = {word for kind in part_kinds().values() if kind.held_out for word in kind.words}
-    names = [word for word in dict.fromkeys(names) if unseen.isdisjoint(word.split())]
+    names = [word for word in dict.fromkeys(names) if _is_seen(word)]
     known = [word for word in names if phrases.get(key_of(word)) is material]
     return known or [name]
 
@@ -108,7 +117,7 @@ class Grammar:
     def __init__(self, rng: np.random.Generator, *, held_out: bool = False) -> None:
         self.rng = rng
         self.held_out = held_out
-        self.rows = list(load_table())
+        self.rows = [row for row in load_table() if _is_seen(spoken_names(row)[0])]
         self.kinds = list(part_kinds().values())
         self._frames = {
             role: split_frames(templates, held_out=held_out)
