@@ -835,7 +835,7 @@ def settle(drafts: list[Draft], lexed: Lexed) -> None:
 
 def _filled(drafts: Sequence[Draft], names: Sequence[str], lexicon: ReaderLexicon) -> list[Draft]:
     """Give what fills a thing to the part that is called its filling: "a bear full of wool"."""
-    spoken = {name[-1] for draft in drafts for name in draft.names}
+    spoken = {name[-1] for draft in drafts for name in draft.names if name}
     inner = {*words()["containers"]["inside"]} - spoken
     called = [own for own in map(part_name_words, names) if own and own[-1] in inner]
     filled = [draft for draft in drafts if draft.filling]

@@ -300,3 +300,8 @@ def test_what_was_taken_away_is_not_what_is_there(agree):
         the steel seat is gone => seat: -
         the steel seat was removed, the legs are oak => seat: -; leg: oak
     """)
+
+
+def test_a_name_of_signs_alone_ends_no_reading(clauses_of):
+    (said, *_) = clauses_of("1 wt% agarose seat 3", ["seat_3"])["seat_3"]
+    assert "agarose" in said.material
