@@ -168,9 +168,8 @@ def with_numbers(
     warnings: list[str] = []
     said, weighed = _one_each(part, numbers, warnings), False
     stress = said.get("E")
-    weighed_too = "rho" in said and row.category.endswith(
-        "foam"
-    )  # "foam core 0.11 GPa / 100 kg/m3"
+    # "foam core 0.11 GPa / 100 kg/m3"
+    weighed_too = "rho" in said and row.category.endswith("foam")
     if named and stress and not (stress.called or weighed_too or _near(row.E, stress.value)):
         span = row.E._asdict()
         strength = row.category == "metal" and stress.value < STRONGEST

@@ -880,7 +880,7 @@ def _grouped(text: str) -> str:
 
     def in_units(m: re.Match) -> str:
         E, nu, rho = (float(m[name] or m[f"{name}_2"]) for name in ("E", "nu", "rho"))
-        system = next((s for s in _SYSTEMS if s[0][0] <= rho < s[0][1]), None)
+        system = _system_of(rho)
         if system is None or not 0 < nu < 0.5:
             return m[0]
         return f"E = {E * system[1]:.10g} Pa, nu = {nu:g}, rho = {rho * system[2]:.10g} kg/m3"
@@ -954,7 +954,12 @@ _SILENT = re.compile(
 )
 
 
-def _decks(text: str, names: Collection[str] = ()) -> str:
+def _system_of(rho: float) -> tuple[tuple[float, float], float, float] | None:
+    """The system of units in which a density may be such a number."""
+    return next((s for s in _SYSTEMS if s[0][0] <= rho < s[0][1]), None)
+
+
+def _decks(text: str, names: Collection[str]) -> str:
     """The text with a sentence in place of each material's cards; bare numbers in their units."""
     text = _CONTINUED.sub(lambda m: f"{m[1]} " if m[1] else "\n", _LISTED.sub(_as_cards, text))
     text = _OPENSEES.sub(r"\nMAT1,\1,\2,,\3,\4\n", text)
@@ -980,7 +985,7 @@ def _decks(text: str, names: Collection[str] = ()) -> str:
     ]  # fmt: skip
     out, defined = list[str](), dict[str, str]()
     for key, numbers, number_of in cards:
-        system = next((s for s in _SYSTEMS if s[0][0] <= numbers.get("rho", 0) < s[0][1]), None)
+        system = _system_of(numbers.get("rho", 0))
         if system is None and "E" in numbers:
             system = (0, 0), 1.0 if numbers["E"] > 1e8 else 1e6 if _UNITS.search(text) else 0.0, 0.0
         E = numbers.get("E", 0.0) * system[1] if system else 0.0
@@ -1028,10 +1033,6 @@ def _definitions(text: str, names: Collection[str]) -> tuple[str, dict[str, str]
     if len(keys) < 2 or len(keys) < len(found) or not all(_is_key(k, [rest]) for k in keys):
         return text, {}
     return rest, keys
-
-
-def _spelt(key: str) -> str:
-    return re.sub(r"[ _-]", " ", key).lower()
 
 
 class _Keyed(NamedTuple):

@@ -241,7 +241,7 @@ class ReaderLexicon:
                 Designated(*m.span(), row) for find, row in self.designations
                 for m in find.finditer(text)
             ]  # fmt: skip
-            rows = ((place, self.first_row(place.rows)) for place in laminates(text))
+            rows = ((place, self.first_row([place.row])) for place in laminates(text))
             found += [Designated(place.start, place.end, row) for place, row in rows if row]
             self._designated = text, found
         return self._designated[1]
@@ -256,28 +256,16 @@ class ReaderLexicon:
 _JOIN = re.compile(r"[ \t/()+\-–]{0,3}|, ?")  # between the words of one laminate
 # Words that behind a comma may begin something else: "glass, fabric seat"
 _LOOSE = re.compile(r"(?i)mat|fabric|cloth|satin|tissue|braid(?:ed)?|forged|uni|45 ?(?:°|deg)")
-
-
-_ALONE = (
-    "intermediate",
-    "high",
-    "pitch",
-    "grade",
-    "k13d",
-    "m40",
-    "m46",
-    "m55",
-    "m60",
-    "t1100",
-)  # fibres that nobody uses without a resin
+# Fibres that nobody uses without a resin.
+_ALONE = {"intermediate", "high", "pitch", "grade", "k13d", "m40", "m46", "m55", "m60", "t1100"}
 
 
 class Laminate(NamedTuple):
-    """Where a text speaks of a laminate, and the names of rows to try for it in turn."""
+    """Where a text speaks of a laminate, and the name of its row."""
 
     start: int
     end: int
-    rows: Sequence[str]
+    row: str
 
 
 class _LaminateWord(NamedTuple):
@@ -288,16 +276,15 @@ class _LaminateWord(NamedTuple):
 
 
 @lru_cache(maxsize=1)
-def _of_laminates() -> tuple[re.Pattern, Mapping[str, str], Mapping[str, Any]]:
-    """All words as one pattern, the kind and value of each of its groups, and the rows."""
+def _of_laminates() -> tuple[re.Pattern, Mapping[str, Any]]:
+    """All words as one pattern, a group for each kind and value ("lay_woven"), and the rows."""
     data = tomllib.loads((DATA / "laminates.toml").read_text(encoding="utf-8"))
-    groups, patterns = {}, []
-    for kind in ("fibre", "lay", "resin"):
-        for value, pattern in data[kind].items():
-            groups[f"{kind}_{value}"] = kind
-            patterns.append(f"(?P<{kind}_{value}>{pattern})")
+    patterns = [
+        f"(?P<{kind}_{value}>{pattern})"
+        for kind in ("fibre", "lay", "resin") for value, pattern in data[kind].items()
+    ]  # fmt: skip
     patterns.append(f"(?P<between>{data['between']})")
-    return re.compile(rf"(?<![\w.-])(?:{'|'.join(patterns)})(?!\w)"), groups, data["rows"]
+    return re.compile(rf"(?<![\w.-])(?:{'|'.join(patterns)})(?!\w)"), data["rows"]
 
 
 def laminates(text: str) -> list[Laminate]:
@@ -305,7 +292,7 @@ def laminates(text: str) -> list[Laminate]:
 
     >>> [text[a:b] for text in ["fins 2x2 twill carbon"] for a, b, _ in laminates(text)]
     ['2x2 twill carbon']
-    >>> laminates("carbon steel"), laminates("UD carbon")[0].rows[0]
+    >>> laminates("carbon steel"), laminates("UD carbon")[0].row
     ([], 'carbon/epoxy unidirectional (along fibre)')
     """
     return [found for run in _laminate_runs(text) if (found := _laminate(run))]
@@ -313,11 +300,9 @@ def laminates(text: str) -> list[Laminate]:
 
 def _laminate_runs(text: str) -> Iterator[list[_LaminateWord]]:
     """Words of laminates that nothing else parts."""
-    pattern, groups, _ = _of_laminates()
     run: list[_LaminateWord] = []
-    for m in pattern.finditer(text):
-        kind = groups.get(m.lastgroup or "", "between")
-        value = (m.lastgroup or "").partition("_")[2] if kind != "between" else ""
+    for m in _of_laminates()[0].finditer(text):
+        kind, _, value = (m.lastgroup or "between").partition("_")
         token = _LaminateWord(kind, value, m.start(), m.end())
         gap = text[run[-1].end : token.start] if run else ""
         kinds = {t.kind for t in run}
@@ -344,17 +329,14 @@ def _laminate(run: Sequence[_LaminateWord]) -> Laminate | None:
     resins = [t.value for t in run if t.kind == "resin"]
     if not fibres or not (lays or resins or fibres[0] in _ALONE):
         return None
-    rows = _of_laminates()[2]
-    fibre = "_".join(sorted(fibres)) if "_".join(sorted(fibres)) in rows else fibres[0]
-    known = rows[fibre]
+    rows, both = _of_laminates()[1], "_".join(sorted(fibres))
+    known = rows[both if both in rows else fibres[0]]
     mixed = {"ud", "bias"} <= {*lays} and "quasi" in known
     lay = "quasi" if mixed else next((lay for lay in known if lay in lays), "")
-    if not lay and lays and "plain" not in known:
-        return None
-    named = known[lay or "plain"]
+    named = known.get(lay or "plain")
     if isinstance(named, Mapping):  # by its resin
         named = next((named[r] for r in resins if r in named), named.get("other"))
-    return Laminate(run[0].start, run[-1].end, [named]) if named else None
+    return Laminate(run[0].start, run[-1].end, named) if named else None
 
 
 _KEPT: dict[int, ReaderLexicon] = {}

@@ -19,6 +19,8 @@ from zlib import crc32
 
 import numpy as np
 
+from ..packed import STEP
+
 WEIGHTS = Path(__file__).parents[1] / "weights" / "phrases.safetensors"
 BUCKETS = 2**15  # of the hash; the first stands for nothing
 LONGEST_RUN = 5  # letters
@@ -61,7 +63,7 @@ class PhraseNetwork:
 
         with safe_open(path, framework="np") as file:
             self.rows: list[str] = json.loads(file.metadata()["rows"])
-            self._vectors = file.get_tensor("vectors"), file.get_tensor("steps")
+            self._vectors = file.get_tensor("vectors"), file.get_tensor(f"vectors{STEP}")
             self._values = file.get_tensor("values")  # ln E and ln rho of the rows
             self._hidden, self._out = (
                 [file.get_tensor(f"{layer}.{kind}").astype(np.float32) for kind in ("w", "b")]
@@ -72,7 +74,7 @@ class PhraseNetwork:
         """The row that a phrase most likely means."""
         places = features(phrase)
         vectors, steps = self._vectors
-        mean = (vectors[places] * steps[places, None]).mean(axis=0)
+        mean = (vectors[places] * steps[places]).mean(axis=0)
         hidden = np.maximum(self._hidden[0] @ mean + self._hidden[1], 0)
         logits = self._out[0] @ hidden + self._out[1]
         shares = np.exp(logits - logits.max())

@@ -25,6 +25,7 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from ....fem.table import MaterialTable, load_table
+from ....predictors.packed import packed
 from ....predictors.text.english import DATA as TEXT
 from ....predictors.text.phrases import BUCKETS, features
 from ..tagger.generator import LANGUAGES
@@ -232,13 +233,7 @@ def save_phrases(
     """Write the weights, a byte and a step for each row of the vectors."""
     from safetensors.numpy import save_file
 
-    vectors = network.vectors.weight.detach().numpy()
-    steps = np.abs(vectors).max(axis=1) / 127
-    arrays = {
-        "vectors": np.round(vectors / steps[:, None]).astype(np.int8),
-        "steps": steps.astype(np.float32),
-        "values": values,
-    }
+    arrays = packed({"vectors": network.vectors.weight.detach().numpy()}) | {"values": values}
     for name, layer in (("hidden", network.hidden), ("out", network.out)):
         arrays[f"{name}.w"] = layer.weight.detach().numpy().astype(np.float16)
         arrays[f"{name}.b"] = layer.bias.detach().numpy().astype(np.float32)
