@@ -30,7 +30,7 @@ from .materials import (
     named_materials,
 )
 from .numerals import NUMBERS, Blend, Comparison, Numeral, Quantity, counted_by, number, numerals
-from .parts import part_name_words, part_words
+from .parts import as_written, part_name_words, part_words
 
 # Of candidates over each other the longest is taken, then the one of the lowest rank.
 _RANK = {"part": 0, "number": 1, "material": 2, "told": 2.5, "size": 2.5}
@@ -656,7 +656,7 @@ def in_sentences(text: str, names: Sequence[str] = (), lexicon: ReaderLexicon | 
 def _unabridged(text: str, names: Collection[str]) -> str:
     """The text with whole words for those that the parts' names shorten: "hsg steel"."""
     long = part_words()["abbreviated"]
-    said = {w.lower() for name in names for w in re.findall(r"[A-Z]?[a-z]+|[A-Z]+", name)}
+    said = {word for name in names for word in as_written(name)}
     short = "|".join(sorted({*long} & said, key=len, reverse=True))
     if not short:
         return text
@@ -821,6 +821,7 @@ def _under_units(text: str) -> str:
 # Numbers beside each other, of which one says its unit or name: "68.9 GPa / 0.33 / 2.70".
 
 _BETWEEN = r"(?:\s*[/|&]\s*|\s*[,;]\s+|\s+and\s+|\s*\(\s*|\s+(?=0?\.\d))"
+_SAID_E, _SAID_RHO = r"(?<!\w)E\s?[=:]?\s?", r"(?<!\w)(?:rho|ρ|density)\s?[=:]?\s?"
 _NAMED = r"(?:nu|ν|v|pr|poisson\w*|rho|ρ|density)\s?[=:]?\s?"
 _DECIMAL = rf"(?:\d+,\d+|{_FIGURE})"
 _LABELLED = (
@@ -846,9 +847,9 @@ _IN_A_SYSTEM = re.compile(
     rf"[,\s]+pr[\s=]+(?P<nu_2>{_FIGURE})"
 )
 _STIFF = 600  # GPa: more has no number without a unit
-_HEAVY = re.compile(rf"[^;\n]*?(?<!\w)(?:rho|ρ|density)\s?[=:]?\s?({_FIGURE})(?!\s?[a-zA-Z])")
+_HEAVY = re.compile(rf"[^;\n]*?{_SAID_RHO}({_FIGURE})(?!\s?[a-zA-Z])")
 _UNITS_BEHIND = re.compile(
-    rf"(?<!\w)E\s?[=:]?\s?({_FIGURE})(?!\w)([^()\n;]*?(?<!\w)(?:rho|ρ|density)\s?[=:]?\s?{_FIGURE})"
+    rf"{_SAID_E}({_FIGURE})(?!\w)([^()\n;]*?{_SAID_RHO}{_FIGURE})"
     rf"\s*[(\[]({_PRESSURE})\s*[,/;]\s*({_DENSITY})[)\]]"
 )
 
@@ -888,7 +889,7 @@ def _grouped(text: str) -> str:
     def of_shear(m: re.Match) -> str:
         before = re.split(r"[;\n]|\.\s", text[: m.start()])[-1]
         after = re.split(r"[;\n]|\.\s", text[m.end() :])[0]
-        if re.search(rf"(?<!\w)E\s?[=:]?\s?{_FIGURE}", f"{before} {after}"):
+        if re.search(rf"{_SAID_E}{_FIGURE}", f"{before} {after}"):
             return m[0]  # both are said
         return f"E = {2 * float(m[1]) * (1 + float(m[3])):.6g} {m[2]}"
 
@@ -971,13 +972,13 @@ def _decks(text: str, names: Collection[str]) -> str:
     comments = [found[1] for found in map(_COMMENT.match, lines) if found]
     for m in (m for comment in comments for m in _CALLED.finditer(comment)):
         called.setdefault(m[1] or m[4], []).append((m[2] or m[3]).strip().replace(" + ", " and "))
-    names = {card.key for card in cards}
+    keys = {card.key for card in cards}
     told = (
         one for comment in comments
         for one in re.split(r"(?:(?<=\w{4})|(?<=\)))\.\s+", comment.strip())
     )  # fmt: skip
-    said = [f"{one};" for one in told if one and not _SILENT.search(one) and one not in names]
-    low = {name.lower() for name in names}
+    said = [f"{one};" for one in told if one and not _SILENT.search(one) and one not in keys]
+    low = {key.lower() for key in keys}
     said += [
         line for line in map(str.strip, lines)
         if _PROSE.search(line) and not _IN_DECK.match(line) and not _COMMENT.match(line)

@@ -19,11 +19,16 @@ def part_words() -> Mapping[str, Any]:
     return tomllib.loads((DATA / "parts.toml").read_text(encoding="utf-8"))
 
 
+def as_written(name: str) -> list[str]:
+    """Words of a part's name as the file has them: "BRGHousing_2" -> brg housing 2."""
+    spaced = re.sub(r"(?<=[a-z])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])|(?<=[^\W\d_])(?=\d)", " ", name)
+    return [word.lower() for word in re.findall(r"[^\W\d_]+|\d+", spaced)]
+
+
 def part_name_words(name: str) -> Phrase:
     """Words of a part's name: "SM_Leg.001" -> leg 001; "leg_FL" -> leg front left."""
     data = part_words()
-    spaced = re.sub(r"(?<=[a-z])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])|(?<=[^\W\d_])(?=\d)", " ", name)
-    cut = [word.lower() for word in re.findall(r"[^\W\d_]+|\d+", spaced)]
+    cut = as_written(name)
     kept = [word for word in cut if word not in data["exported"]]
     kept = kept if any(word.isalpha() for word in kept) else cut
     model = load_model()
