@@ -130,6 +130,8 @@ SOLID = ("metal", "glass-ceramic")  # a third of their density is a slip rather 
 
 ODD = 10.0  # how far beyond the range of a row that is named an E that is said is hardly meant
 
+GRADES = 1.15  # how far beyond the table's range the density of a solid's grade may lie
+
 BESIDE = 2.0  # how far beyond the table's range a grade of the same name may lie
 
 # What a linear isotropic solid can have at all: E [Pa], nu [1], rho [kg/m^3].
@@ -353,6 +355,9 @@ def _of_mass(
     low, high = CATEGORIES[row.category].rho
     if low <= rho <= high and (not named or _near(row.rho, rho)):
         how.append(Note("numbers.rho_kg", rho=rho, text=mass.text, volume=volume))
+        if named and row.category in SOLID and not row.rho.min / GRADES < rho < row.rho.max * GRADES:
+            odd = {"part": part, "text": mass.text, "volume": volume, "rho": rho}
+            warnings.append(Note("numbers.part_mass", **odd, name=row.name, **row.rho._asdict()))
         return value._replace(rho=rho)
     what, (low, high) = (row.name, row.rho) if named else (row.category, (low, high))
     over = {"part": part, "text": mass.text, "volume": volume, "rho": rho, "what": what}

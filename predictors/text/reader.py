@@ -663,7 +663,9 @@ def _group(parts: list[Mention], values: list[Mention], *, part_first: bool = Fa
 
 SURE, MENDED = 1.0, 0.8  # certainty: as it stands; with something mended, guessed or left out
 _BEFORE = 30  # letters before a matter that may hold its state: "rusty galvanised steel"
-_HEDGE, _OPEN = (re.compile(words()["hedges"][kind]) for kind in ("hedge", "open"))
+_HEDGE, _OPEN, _REQUEST = (
+    re.compile(words()["hedges"][kind]) for kind in ("hedge", "open", "request")
+)
 _LISTS = ("character", "numbers", "comparisons")  # fields that a clause has from its draft
 _SAME = ("phrase", "kind", "coating", "filling", "blend")
 _SAYS = ("material", "unknown", "excluded", "levels", *_LISTS, "coating", "filling", "blend")
@@ -999,7 +1001,10 @@ def clause_of(text: str, draft: Draft, lexicon: ReaderLexicon) -> Clause:
         said = [word for word in sorted(states) if re.search(rf"\b{word}{stands}", before)]
         told += [Note("reader.used_values", word=word, phrase=draft.phrase) for word in said]
     after = re.split(r"[;.\n]", text[end:])[0]
-    hedge = _HEDGE.search(after[:_BEFORE]) or _HEDGE.search(text[start:end]) or _OPEN.search(after)
+    opened, sentence = _OPEN.search(after), re.split(r"[.!?;\n]\s", text[:end])[-1]
+    if opened and opened[0].endswith("?") and _REQUEST.search(sentence):
+        opened = None
+    hedge = _HEDGE.search(after[:_BEFORE]) or _HEDGE.search(text[start:end]) or opened
     if draft.material and hedge:
         told.append(Note("reader.unsure", hedge=hedge[0].strip(), phrase=draft.phrase))
     noted = [x.note for x in draft.lexemes if x.note]

@@ -26,7 +26,7 @@ from ...fem.note import Note
 from ...fem.table import MaterialTable
 from ..encoders.minilm import MAX_TOKENS, MiniLM
 from ..packed import unpacked
-from .clauses import GENERAL, Bound, BoundPart, Clause, Gloss, Place, Subject, over
+from .clauses import GENERAL, Bound, BoundPart, Clause, Gloss, Place, Subject, names_object, over
 from .english import words as lists
 from .materials import lexicon_of
 from .parts import part_words, places
@@ -535,7 +535,17 @@ def with_second_opinion(
         if best.reader == "grammar":
             doubts = () if chance > judge.doubted else _doubts_of(best, readings, text, said)
             plain = chance > judge.plain
-            for place, k in enumerate(parts[i].clauses):
+            own, how = parts[i]
+            if facts["same"] and facts["heard"] and chance > judge.doubted:
+                # Given to all for want of a part that it names, and heard for this one; "it is
+                # brass" too, where the text speaks of this part and says no other matter of it
+                lost = (i in bound.mute or not _is_of_all(clauses[k]) for k in own)
+                how = tuple(
+                    "name" if way in GENERAL and each else way
+                    for way, each in zip(how, lost, strict=True)
+                )
+                parts[i] = BoundPart(own, how)
+            for place, k in enumerate(own):
                 kept = [d for d in clauses[k].doubts if not plain or _kind(d) not in _BESIDE]
                 kept = [d for d in kept if not _is_settled(d, plain, i, every)]
                 anew = (*kept, *doubts) if clauses[k].says_matter else tuple(kept)
@@ -545,7 +555,6 @@ def with_second_opinion(
                 if sum(k in part.clauses for part in parts) == 1:
                     clauses[k] = new
                 else:  # others have this clause too
-                    own = parts[i].clauses
                     own = (*own[:place], len(clauses), *own[place + 1 :])
                     parts[i] = parts[i]._replace(clauses=own)
                     clauses.append(new)
@@ -770,6 +779,11 @@ def _is_settled(doubt: object, plain: bool, i: int, every: Sequence[Said]) -> bo
     others = (w for said in every if said != every[i] for w in said.words)
     theirs = any(over(first, (w.start, w.end)) for w in others)
     return theirs or not any(over(second, (w.start, w.end)) for w in every[i].words)
+
+
+def _is_of_all(clause: Clause) -> bool:
+    """Whether a clause says that it speaks of the whole thing, or of the rest of it."""
+    return clause.subject.scope in ("whole", "rest") or names_object(clause)
 
 
 def _subject(name: str) -> Subject:

@@ -210,6 +210,16 @@ def test_two_numbers_for_one_quantity_of_a_part_are_told_and_none_is_used():
     assert (rod.value.E, cap.value.E) == (7e10, 5e9)  # the more specific wins
 
 
+def test_a_mass_that_no_grade_of_a_metal_has_is_used_and_told():
+    """A litre of cast iron weighs 7.1 to 7.3 kg: of 4 kg it has holes, or another size."""
+    labels = [["case"], ["lid"]]
+    for mass, told in ((7.2, False), (4, True)):
+        bound = read_sentence(f"case EN-GJL-250, {mass} kg; lid oak", labels, TABLE)
+        found = LOOKUP.settle(labels, bound, volumes=[1e-3, 1e-3])
+        assert found.choices[0].value.rho == pytest.approx(mass * 1e3)
+        assert any("hollow" in line for line in map(str, found.warnings)) == told
+
+
 def test_a_part_that_is_called_after_what_fills_it_is_that():
     (_, honey), _ = settled("jar honey", "a glass jar of honey")
     assert honey.row.name == "honey (contents)"

@@ -147,3 +147,19 @@ def test_a_part_that_is_as_another_is_not_of_a_thirds_matter():
     text = "Body same as stem. Stem: Inconel 718. Lever: brass. Seat: PTFE."
     bound = judge.with_second_opinion(read_sentence(text, labels, TABLE), labels, TABLE)
     assert rows(bound)[0] == {"Inconel 718"}
+
+
+@pytest.mark.parametrize(
+    ("text", "parts", "row"),
+    [
+        ("main hull veg tan leather, buckles brass; strap is cotton webbing", "buckle flap strap", "vegetable-tanned leather"),
+        ("the lid is oak; it was the knob he skimped on, that one is brass", "lid knob", "brass"),
+        ("an egg of chocolate. The holder under it is not edible, its pewter", "egg egg_holder", "pewter"),
+    ],
+)  # fmt: skip
+def test_what_is_given_to_all_and_heard_for_one_part_is_of_that_part(text, parts, row):
+    """So no name of a part, and no network that sees its shape, overrules it."""
+    labels = [[name] for name in parts.split()]
+    bound = judge.with_second_opinion(read_sentence(text, labels, TABLE), labels, TABLE)
+    assert {"name"} == {*bound.parts[1].how}
+    assert rows(bound)[1] == {row}

@@ -119,3 +119,16 @@ def test_a_strange_word_one_letter_off_from_a_matter_is_read_as_it_and_told(agre
     agree("the gear is bras, the tap brasss => gear: brass; tap: brass")
     (said,) = parse("the gear is bras", table, ["gear"]).clauses
     assert any("'bras'" in doubt for doubt in said.doubts)
+
+
+def test_a_request_in_the_form_of_a_question_leaves_nothing_open(clauses_of):
+    for text, opened in [
+        ("Could you make the lid oak, please?", False),
+        ("can you set the lid to oak? thanks", False),
+        ("Könnten Sie bitte den Deckel aus Eiche nehmen?", False),
+        ("Could you tell me if the lid is oak?", True),
+        ("is the lid oak?", True),
+    ]:
+        (said, *_) = clauses_of(text, ["lid"])["lid"]
+        assert said.material, text
+        assert any(note.kind == "reader.unsure" for note in said.doubts) == opened, text
