@@ -269,6 +269,7 @@ FOAMED = {
     "PET": ("PET foam core",),
     "phenolic": ("phenolic foam",),
     "flexible PU foam": ("flexible PU foam", "rigid PU foam"),
+    "calcium silicate board": ("calcium silicate insulation board",),
 }
 
 
