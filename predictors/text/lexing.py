@@ -617,7 +617,7 @@ def in_sentences(text: str, names: Sequence[str] = (), lexicon: ReaderLexicon | 
     known = {name.lower() for name in names}
     text = _unabridged(text, names)
     text = _by_position(text, names, lexicon) if lexicon else text
-    text = _under_units(_decks(_grouped(_with_positions(text, names)), names))
+    text = _under_units(_decks(_grouped(_with_positions(text, names))))
     lines = [line for line in text.splitlines() if not _RULED.fullmatch(line)]
     lines, out = [_EDGES.sub("", line) if "|" in line else line for line in lines], list[str]()
     while lines:
@@ -631,7 +631,10 @@ def in_sentences(text: str, names: Sequence[str] = (), lexicon: ReaderLexicon | 
             if sign == _WORDS and not (all(columns[1:]) and len(columns) > 3 and len(lines) > 1):
                 continue
             rows = [_cells(line, sign, len(columns)) for line in lines]
-            count = next((i for i, row in enumerate(rows) if len(row) < 2), len(rows))
+            ends = (i for i, row in enumerate(rows) if len(row) < 2 or (
+                columns[0] == "key" and not row[0].isalnum()
+            ))  # fmt: skip
+            count = next(ends, len(rows))
             units = [_COLUMN_UNIT.search(name.replace("_", " ")) for name in _cells(head, sign)]
             for row in rows[:count]:
                 said = [
@@ -640,9 +643,11 @@ def in_sentences(text: str, names: Sequence[str] = (), lexicon: ReaderLexicon | 
                     for column, cell, unit in zip(columns, row, units, strict=False)
                     if column not in _MEASURES or any(c.isalnum() for c in cell)
                 ]  # fmt: skip
-                names = [cell for column, cell in said if column == "name"]
-                matter = [cell for column, cell in said if column not in ("", "name")]
-                out.append(f"{names[0]}: {', '.join(filter(str.strip, matter))};")
+                name = next((cell for column, cell in said if column == "name"), "")
+                key = next((cell for column, cell in said if column == "key"), "")
+                name = f"mat {key}" if key and _is_key(key, lines[count:]) else name
+                matter = [cell for column, cell in said if column not in ("", "name", "key")]
+                out.append(f"{name}: {', '.join(filter(str.strip, matter))};")
             lines = lines[count:]
             break
         else:
@@ -650,7 +655,7 @@ def in_sentences(text: str, names: Sequence[str] = (), lexicon: ReaderLexicon | 
             row = next((r for r in cut if len(r) > 1 and known & {r[0].lower()}), [])
             plain = row and not known & {cell.lower() for cell in row[1:]}
             out.append(f"{row[0]}: {', '.join(row[1:])};" if plain else head)
-    return "\n".join(out)
+    return _referred(*_definitions("\n".join(out), names))
 
 
 def _unabridged(text: str, names: Collection[str]) -> str:
@@ -843,8 +848,8 @@ _SHEAR = re.compile(
 _IN_A_SYSTEM = re.compile(
     rf"(?<![\w.,])(?P<E>{_FIGURE})\s?[/,;]\s?(?P<nu>0?\.\d+)\s?[/,;]\s?"
     r"(?P<rho>\d[\d.]*[eE]-\d+)(?![\w.])"
-    rf"|\bro[\s=]+(?P<rho_2>{_FIGURE})[,\s]+e[\s=]+(?P<E_2>{_FIGURE})"
-    rf"[,\s]+pr[\s=]+(?P<nu_2>{_FIGURE})"
+    rf"|(?i:\bro)[\s=]+(?P<rho_2>{_FIGURE})[,\s]+[eE][\s=]+(?P<E_2>{_FIGURE})"
+    rf"[,\s]+(?i:pr)[\s=]+(?P<nu_2>{_FIGURE})"
 )
 _STIFF = 600  # GPa: more has no number without a unit
 _HEAVY = re.compile(rf"[^;\n]*?{_SAID_RHO}({_FIGURE})(?!\s?[a-zA-Z])")
@@ -960,12 +965,12 @@ def _system_of(rho: float) -> tuple[tuple[float, float], float, float] | None:
     return next((s for s in _SYSTEMS if s[0][0] <= rho < s[0][1]), None)
 
 
-def _decks(text: str, names: Collection[str]) -> str:
+def _decks(text: str) -> str:
     """The text with a sentence in place of each material's cards; bare numbers in their units."""
     text = _CONTINUED.sub(lambda m: f"{m[1]} " if m[1] else "\n", _LISTED.sub(_as_cards, text))
     text = _OPENSEES.sub(r"\nMAT1,\1,\2,,\3,\4\n", text)
     if not _BEGUN.search(text):
-        return _referred(*_definitions(_in_units(text), names))
+        return _in_units(text)
     text = _REMARK.sub(_before_its_card, text)
     lines = text.splitlines()
     cards, called = [*_cards(lines)], dict[str, list[str]]()
@@ -1010,9 +1015,16 @@ def _decks(text: str, names: Collection[str]) -> str:
 # Materials that a text defines and gives to parts by their numbers or names: "M1: E = 210 GPa;
 # bucket M1", "base plate is mid 2", "shell -> 1".
 
+_LIBRARY = (
+    r"(?i:mid|mat(?:erial)?|card|karte|werkstoff|matière|mat[ée]riau|material id)(?: (?:no|nr)\.?)?"
+)
 _DEFINED = re.compile(
-    r"(?<![\w-])(?:(?i:mid|mat(?:erial)?) ?#?(?=\d)|M(?=\d)|MAT_)(\w{1,8}) ?(?:[:=]|(?<=#\d)) ?"
-    r"((?:[^;\n.(]|\([^)]*\)|\.(?=\d|\w))+?) ?(?:;|\.(?=\s|$)|\n|$|\s/\s)"
+    rf"(?:\*MAT_\w+ )?(?<![\w-])(?:{_LIBRARY} ?#?(?=\d|[A-F]\b)|M(?=\d)|MAT_)(?P<key>\w{{1,8}})"
+    r" ?(?:[:=]|(?<=#\d)) ?(?P<said>(?:[^;\n.(→]|\([^)]*\)|\.(?=\d|\w))+?)"
+    rf" ?(?:;|\.(?=\s|$)|\n|$|\s/\s|,(?= {_LIBRARY} ?#?\w{{1,8}} ?[:=])|(?P<arrow>--?>|=>|→))"
+    # "white parts are PLA, the black ones PETG"
+    r"|(?<![\w-])(?i:(?:(?:all|the) )*)(?P<sort>\w+) (?:parts|ones|pieces|bodies|components)"
+    r" (?:(?:is|are|in|of|made|from) )*(?P<of>[^,;.:\n]+)[,;.\n]"
 )
 _VERBS = re.compile(
     r"(?i)^(?:(?:is|are|goes|go|for|on|takes?|uses?|the|to|gets?)\b|=|->|:|\s)+"
@@ -1023,25 +1035,35 @@ _VERBS = re.compile(
 def _definitions(text: str, names: Collection[str]) -> tuple[str, dict[str, str]]:
     """A text without the materials that it defines and gives to parts, and these by their keys."""
     called = {word for name in names for word in part_name_words(name)}
-    found = [
-        m for m in _DEFINED.finditer(text)
-        if re.search(r"\d", m[2]) and not {"mat", "material", f"m{m[1].lower()}"} & called
-    ]  # fmt: skip
-    rest = text
-    for m in reversed(found):
-        rest = rest[: m.start()] + rest[m.end() :].lstrip("/ ")
-    keys = {m[1]: m[2] for m in found}
-    if len(keys) < 2 or len(keys) < len(found) or not all(_is_key(k, [rest]) for k in keys):
+    keys, rest, at = dict[str, str](), "", 0
+    for m in _DEFINED.finditer(text):
+        key, said = m["key"] or m["sort"], m["said"] or m["of"]
+        part = {"mat", "material", f"m{key.lower()}"} & called
+        if key in keys or part or not (re.search(r"\d", said) or m["sort"] or _row(said, called)):
+            return text, {}
+        keys[key] = said.strip()
+        # "card 1: E = 210 GPa -> both rails" defines, and gives to these
+        gives = m["arrow"] and not re.match(r"[^,;.\n]*[=:]", text[m.end() :])
+        rest += text[at : m.start()].rstrip("/ ") + f" mat {key} ->" * bool(gives)
+        at = m.end()
+    rest += text[at:]
+    if len(keys) < 2 or not all(_is_key(k, [rest]) for k in keys):
         return text, {}
     return rest, keys
 
 
+def _row(said: str, called: Collection[str]) -> bool:
+    """Whether words that define a key are of a matter, and of no part."""
+    return called.isdisjoint(re.findall(r"\w+", said.lower()))
+
+
 class _Keyed(NamedTuple):
-    """Parts, the key of their material, and whether a sign said that it is one."""
+    """Parts, the key of their material, if a sign said that it is one, and if it stands first."""
 
     parts: str
     key: str
     signed: bool
+    first: bool
 
 
 def _keyed(chunk: str, keys: Collection[str], *, signed: bool) -> _Keyed | None:
@@ -1052,23 +1074,25 @@ def _keyed(chunk: str, keys: Collection[str], *, signed: bool) -> _Keyed | None:
     spelt = (r"[ _-]".join(map(re.escape, re.split(r"[ _-]", key))) for key in keys)
     named = "|".join(sorted(spelt, key=len, reverse=True))
     sign = (
-        r"(?P<sign>(?:\b(?:mid|mat(?:erial)?|PID) ?#?|\bM(?=\d)|\bMAT_|#"
+        rf"(?P<sign>(?:\b(?:{_LIBRARY}|PID) ?#?|\bM(?=\d)|\bMAT_|#"
         r"|(?:->|→|[=:]|\btakes?|\buses?) ?))"
     )
-    chunk = re.sub(r"\s*\((?!M\d|MAT|mat|mid)[^()]*\)$", "", chunk)
+    chunk = re.sub(r"\s*\((?!M\d|MAT|mat|mid)[^()]*\)$|,? (?:too|also|as well)$", "", chunk)
     found = re.search(rf"(?i)(?:{sign}|(?<![\w.]))(?P<key>{named})\)?$", chunk)
-    if found and found["key"].isdigit() and not (found["sign"] or signed):
+    bare = found is not None and re.fullmatch(r"\d+|\w", found["key"])
+    if bare and not (found["sign"] or signed):
         found = None
     found = found or re.search(
         rf"(?i)^{sign}?(?P<key>{named})"
-        r"(?= (?:goes|is|are|for|on|=|->)\b| ?(?:=|->)|(?<=\d) [^\W\d])",
+        r"(?= (?:goes|is|are|for|on)\b| ?(?:=|->|:)|(?<=\d) [^\W\d])",
         chunk,
     )
     if found is None:
         return None
     parts = f"{chunk[: found.start()].rstrip('(')} {chunk[found.end() :]}"
     parts = _VERBS.sub("", _VERBS.sub("", parts.strip()))
-    return _Keyed(parts, _spelt(found["key"]), bool(found["sign"])) if parts else None
+    first = not chunk[: found.start()].strip()
+    return _Keyed(parts, _spelt(found["key"]), bool(found["sign"]), first) if parts else None
 
 
 def _spelt(key: str) -> str:
@@ -1079,7 +1103,7 @@ def _chunks(text: str, keys: Collection[str]) -> Iterator[list[str]]:
     """What the sentences of a text say one after another, split behind a key too."""
     named = "|".join(map(re.escape, keys))
     for sentence in re.split(r"(?<=[;.\n])\s+|\n", text):
-        parted = re.sub(rf"(?i)(?<=\w )((?:M|MAT_|mid |mat )(?:{named})) and ", r"\1, ", sentence)
+        parted = re.sub(rf"(?i)(?<=\w )((?:M|MAT_|{_LIBRARY} )(?:{named})) and ", r"\1, ", sentence)
         cut = re.split(r"[;,.](?=\s|$)(?![^()]*\))", parted)
         yield [c.strip() for c in cut if c.strip()]
 
@@ -1095,15 +1119,21 @@ def _referred(text: str, defined: Mapping[str, str]) -> str:
     if not defined:
         return text
     by_key, out = {_spelt(key): said for key, said in defined.items()}, list[str]()
-    for chunks in _chunks(text, defined):
-        waiting, signed = list[str](), False  # parts before the one that the key stands beside
+    every = [*_chunks(text, defined)]
+    found = [_keyed(chunk, defined, signed=True) for chunks in every for chunk in chunks]
+    bare = not any(one.signed for one in found if one)  # "plate 1, arm 2", and no key has a sign
+    for chunks in every:
+        # Parts before the one that the key stands beside; whether others may follow
+        waiting, signed, first = list[str](), bare, False
         for chunk in chunks:
             if found := _keyed(chunk, defined, signed=signed):
                 parts = ", ".join([*waiting, found.parts]).replace("+", " and ")
                 out.append(f"{parts}: {by_key[found.key]};")
-                waiting, signed = [], signed or found.signed
+                waiting, signed, first = [], signed or found.signed, found.first
             elif re.search(r"\d|\b(?:is|are)\b", chunk):
                 out, waiting = [*out, *(f"{w}," for w in waiting), f"{chunk};"], []
+            elif first:  # "mat 1 -> shell, lid"
+                out[-1] = f"{chunk}, {out[-1]}"
             else:
                 waiting.append(chunk)
         out += [f"{w};" for w in waiting]

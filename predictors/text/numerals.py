@@ -347,7 +347,7 @@ def number(text: str) -> float:
         text = f"1x{text}"
     text = re.sub(r"\s?[x×*·]\s?10\s?\^?\s?", "e", text).translate(_RAISED)
     text = re.sub(r"['   ]", "", text).rstrip(".,")
-    if re.fullmatch(r"\d{1,3}(?:,\d{3})+(?:\.\d+)?(?:e.*)?", text, re.IGNORECASE):
+    if re.fullmatch(r"(?!0,)\d{1,3}(?:,\d{3})+(?:\.\d+)?(?:e.*)?", text, re.IGNORECASE):
         text = text.replace(",", "")
     if re.fullmatch(r"\d{1,3}(?:\.\d{3}){2,}", text):
         text = text.replace(".", "")
