@@ -624,7 +624,8 @@ def in_sentences(text: str, names: Sequence[str] = (), lexicon: ReaderLexicon | 
         head, *lines = lines
         for sign in (";", "\t", "|", ",", _SPACED, _WORDS, _SLASHED):
             columns = [_column(name) for name in _cells(head, sign)]
-            if "name" not in columns and len({*columns} & {*_MEASURES}) > 1 and not columns[0]:
+            valued = len({*columns} & {*_MEASURES}) > 1
+            if "name" not in columns and valued and columns[0] in ("", "key", "matter"):
                 columns[0] = "name"
             if "name" not in columns or len({*columns} - {""}) < 2:
                 continue
@@ -635,6 +636,7 @@ def in_sentences(text: str, names: Sequence[str] = (), lexicon: ReaderLexicon | 
                 columns[0] == "key" and not row[0].isalnum()
             ))  # fmt: skip
             count = next(ends, len(rows))
+            keyed = valued and all(_is_key(row[0], lines[count:]) for row in rows[:count])
             units = [_COLUMN_UNIT.search(name.replace("_", " ")) for name in _cells(head, sign)]
             for row in rows[:count]:
                 said = [
@@ -644,8 +646,7 @@ def in_sentences(text: str, names: Sequence[str] = (), lexicon: ReaderLexicon | 
                     if column not in _MEASURES or any(c.isalnum() for c in cell)
                 ]  # fmt: skip
                 name = next((cell for column, cell in said if column == "name"), "")
-                key = next((cell for column, cell in said if column == "key"), "")
-                name = f"mat {key}" if key and _is_key(key, lines[count:]) else name
+                name = f"MAT_{row[0]}" if keyed else name
                 matter = [cell for column, cell in said if column not in ("", "name", "key")]
                 out.append(f"{name}: {', '.join(filter(str.strip, matter))};")
             lines = lines[count:]
@@ -846,8 +847,8 @@ _SHEAR = re.compile(
     rf"(?=[,;/ ]+(?:nu|ν|v|(?i:poisson\S*))\s?[=:]?\s?({_FIGURE}))"
 )
 _IN_A_SYSTEM = re.compile(
-    rf"(?<![\w.,])(?P<E>{_FIGURE})\s?[/,;]\s?(?P<nu>0?\.\d+)\s?[/,;]\s?"
-    r"(?P<rho>\d[\d.]*[eE]-\d+)(?![\w.])"
+    rf"(?<![\w.,])(?:E ?[=:]? ?)?(?P<E>{_FIGURE})\s?[/,;]\s?(?:nu ?[=:]? ?)?(?P<nu>0?\.\d+)"
+    r"\s?[/,;]\s?(?:rho ?[=:]? ?)?(?P<rho>\d[\d.]*[eE]-\d+)(?: \(t/mm3\))?(?![\w.])"
     rf"|(?i:\bro)[\s=]+(?P<rho_2>{_FIGURE})[,\s]+[eE][\s=]+(?P<E_2>{_FIGURE})"
     rf"[,\s]+(?i:pr)[\s=]+(?P<nu_2>{_FIGURE})"
 )
@@ -939,8 +940,14 @@ _BEGUN = re.compile(rf"(?im)^(?:\*MAT|MP,|\w+\s*=\s*DEFI_MATERIAU|{_MAT1})")
 _ANSYS = re.compile(rf"(?i)^MP,\s*(EX|PRXY|NUXY|DENS),\s*(\d+),\s*({_FIGURE})")
 _LS_DYNA = re.compile(r"(?i)^\*MAT_(?!ADD)\w+")
 _ABAQUS = re.compile(r"(?i)^\*MATERIAL\b.*?NAME\s*=\s*[\"']?([^\"',]+)")
+# Who has a material: "*SOLID SECTION, ELSET=RIB, MATERIAL=ALU"; a part's name, its own number, its
+# section's and its material's
+_SECTION = re.compile(
+    r"(?im)^\*\w+ SECTION\b(?=.*ELSET ?= ?([^,\n]+))(?=.*MATERIAL ?= ?([^,\n]+)).*$"
+    r"|^\*PART\b.*\n(?:\$.*\n)*(.+)\n(?:\$.*\n)*\s*\d+[,\s]+\d+[,\s]+(\d+).*$"
+)
 _PROSE = re.compile(r"[a-z]{2}|(?:[^\W\d_]{2,}\W+){2}[^\W\d_]{2}")  # no card is so
-_IN_DECK = re.compile(r"(?i)\*|MAT\d|MP,|\w+\s*=\s*DEFI_MATERIAU")
+_IN_DECK = re.compile(rf"(?i)\*|MAT\d|MP,|\w+\s*=\s*DEFI_MATERIAU|{_FIGURE}[,\s]*[-=]>")
 _KEYWORD = re.compile(r"(?i)^\*(ELASTIC|DENSITY)\b")
 _ASTER = re.compile(r"(?i)^(\w+)\s*=\s*DEFI_MATERIAU\s*\((.*)\)")
 _GIVEN = re.compile(rf"(?i)\b(E|NU|RHO)\s*=\s*({_FIGURE})")
@@ -968,12 +975,17 @@ def _system_of(rho: float) -> tuple[tuple[float, float], float, float] | None:
 def _decks(text: str) -> str:
     """The text with a sentence in place of each material's cards; bare numbers in their units."""
     text = _CONTINUED.sub(lambda m: f"{m[1]} " if m[1] else "\n", _LISTED.sub(_as_cards, text))
-    text = _OPENSEES.sub(r"\nMAT1,\1,\2,,\3,\4\n", text)
+    text = _OPENSEES.sub(r"\nMAT1,\1,\2,,\3,\4 $\5\n", _ELEMENT.sub(_of_element, text))
+    text = _OF_KEYWORD.sub("\n", _KEYWORDS.sub("\n", text))
+    text = re.sub(r"(?im)^MPDATA,(\w+),(\w+),\d*,", r"MP,\1,\2,", text)
     if not _BEGUN.search(text):
         return _in_units(text)
     text = _REMARK.sub(_before_its_card, text)
-    lines = text.splitlines()
-    cards, called = [*_cards(lines)], dict[str, list[str]]()
+    called = dict[str, list[str]]()
+    for m in _SECTION.finditer(text):
+        called.setdefault(m[2] or m[4], []).append((m[1] or m[3]).strip())
+    lines = _SECTION.sub("", text).splitlines()
+    cards = [*_cards(lines)]
     comments = [found[1] for found in map(_COMMENT.match, lines) if found]
     for m in (m for comment in comments for m in _CALLED.finditer(comment)):
         called.setdefault(m[1] or m[4], []).append((m[2] or m[3]).strip().replace(" + ", " and "))
@@ -1004,8 +1016,9 @@ def _decks(text: str) -> str:
             values = [f"{measure} = {value:.10g}" for measure, value in numbers.items()]
         if not numbers:
             continue
-        if key in called or not any(_is_key(one, said) for one in (key, number_of) if one):
-            named = dict.fromkeys(called.get(key, [key]))
+        named = dict.fromkeys(one for by in (key, number_of) for one in called.get(by, ()))
+        if named or not any(_is_key(one, said) for one in (key, number_of) if one):
+            named = named or {key: None}
             out += [f"{name}: {', '.join(values)};" for name in named]
         else:
             defined |= dict.fromkeys(filter(None, (key, number_of)), ", ".join(values))
@@ -1019,12 +1032,14 @@ _LIBRARY = (
     r"(?i:mid|mat(?:erial)?|card|karte|werkstoff|matière|mat[ée]riau|material id)(?: (?:no|nr)\.?)?"
 )
 _DEFINED = re.compile(
-    rf"(?:\*MAT_\w+ )?(?<![\w-])(?:{_LIBRARY} ?#?(?=\d|[A-F]\b)|M(?=\d)|MAT_)(?P<key>\w{{1,8}})"
-    r" ?(?:[:=]|(?<=#\d)) ?(?P<said>(?:[^;\n.(→]|\([^)]*\)|\.(?=\d|\w))+?)"
-    rf" ?(?:;|\.(?=\s|$)|\n|$|\s/\s|,(?= {_LIBRARY} ?#?\w{{1,8}} ?[:=])|(?P<arrow>--?>|=>|→))"
+    rf"(?:\*MAT_\w+ )?(?<![\w-])(?:{_LIBRARY} ?#?(?=\d|[A-F]\b)|M(?=\d)|MAT_|#(?=\d)"
+    r"|(?=[A-Z1-9]\)|[A-Z] ?= ?E\W))(?P<key>\w{1,8})"
+    r" ?(?:[:=)]|(?<=#\d)) ?(?P<said>(?=[\w(])(?:[^;\n.(→]|\([^)]*\)|\.(?=\d|\w))+?)"
+    rf" ?(?:;|\.(?=\s|$)|\n|$|\s/\s|,(?= {_LIBRARY} ?#?\w{{1,8}} ?[:=])|(?=\s[A-Z1-9]\)\s)|(?P<arrow>--?>|=>|→))"
     # "white parts are PLA, the black ones PETG"
     r"|(?<![\w-])(?i:(?:(?:all|the) )*)(?P<sort>\w+) (?:parts|ones|pieces|bodies|components)"
-    r" (?:(?:is|are|in|of|made|from) )*(?P<of>[^,;.:\n]+)[,;.\n]"
+    r" (?:(?:is|are|in|of|made|from) )*(?P<of>[^,;.:\n]+?)"
+    r"(?:[,;.\n]|(?= and (?:the )?\w+ ones))"
 )
 _VERBS = re.compile(
     r"(?i)^(?:(?:is|are|goes|go|for|on|takes?|uses?|the|to|gets?)\b|=|->|:|\s)+"
@@ -1141,9 +1156,18 @@ def _referred(text: str, defined: Mapping[str, str]) -> str:
 
 
 # Cards of more lines than one, or more than one in a line.
-_CONTINUED = re.compile(r"(?im)^(MAT1\*.*)\n\*(?=\s)|(?<=\d)()\s*\$(?=MP,)")
+_CONTINUED = re.compile(r"(?im)^(MAT1\*.*)\n\*(?=\s)|(?<=\d)()[^\S\n]*\$?[^\S\n]*(?=MP,)")
+_KEYWORDS = re.compile(r"(?i)(?<=\S)\s(?=\*(?:MATERIAL|ELASTIC|DENSITY)\b)")
+_OF_KEYWORD = re.compile(r"(?i)(?<=\*ELASTIC|\*DENSITY)[: ]+(?=[\d.])")
 _OPENSEES = re.compile(
-    rf"nDMaterial ElasticIsotropic (\d+) ({_FIGURE}) ({_FIGURE}) ({_FIGURE})(?: *;)?"
+    rf"nDMaterial ElasticIsotropic (\d+) ({_FIGURE}) ({_FIGURE}) ({_FIGURE})(?: *;)?(?: *#(.*))?"
+)
+# Elements of XML: FEBio's <material name="rib"><E>7e4</E></material>, <geom name= density=/>
+_ELEMENT = re.compile(
+    r"(?is)<(material|geom|link|mat)\b(?=[^>]*\bname=[\"']([^\"']+))(.*?)(?:/>|</\1>)"
+)
+_IN_ELEMENT = re.compile(
+    rf"(?i)\b(?:(E|young\w*)|(v|nu|poisson\w*)|(density|rho))(?:=[\"']|>)\s*({_FIGURE})"
 )
 # Cards within a line: "MAT1,11,70300.,,.33,2.78-9 is for the skin, MAT1,12,...".
 _LISTED = re.compile(
@@ -1155,6 +1179,15 @@ _LISTED = re.compile(
 def _as_cards(m: re.Match) -> str:
     """A card and who has it, as a comment and a card."""
     return f"\n$ {m[2].strip(' ,;')}\n{m[1]}\n"
+
+
+def _of_element(m: re.Match) -> str:
+    """An element of XML as cards of Abaqus, where it says numbers of a matter."""
+    said = {k: x[4] for x in _IN_ELEMENT.finditer(m[3]) for k in (1, 2, 3) if x[k]}
+    if not said.keys() & {1, 3}:
+        return m[0]
+    E, nu, rho = (said.get(k, "") for k in (1, 2, 3))
+    return f"\n*MATERIAL, NAME={m[2]}\n*ELASTIC\n{E}, {nu}\n*DENSITY\n{rho}\n"
 
 
 def _before_its_card(found: re.Match) -> str:
@@ -1185,9 +1218,10 @@ def _cards(lines: Sequence[str]) -> Iterator[_Card]:
             yield _Card(title or number_of, numbers, number_of)
             title = ""
         elif found := _ABAQUS.match(line):
-            numbers, kind = {}, ""
+            numbers, kind, name, given = {}, "", found[1].strip(), ""
             while at < len(lines) and not _ABAQUS.match(lines[at]):
-                row = lines[at].strip()
+                row, *parts = re.split(r"\s*(?:[-=]>|→)\s*", lines[at].strip(), maxsplit=1)
+                given = parts[0].strip(" .") if parts else given
                 at += 1
                 if row.startswith("**"):
                     continue
@@ -1199,8 +1233,11 @@ def _cards(lines: Sequence[str]) -> Iterator[_Card]:
                 kinds = ("E", "nu") if kind == "ELASTIC" else ("rho",) if kind == "DENSITY" else ()
                 numbers |= {k: n for k, n in zip(kinds, values, strict=False) if n}
                 kind = ""
-            yield _Card(re.sub(r"[_-]+", " ", found[1].strip()), numbers)
+            yield _Card(given or re.sub(r"[_-]+", " ", name), numbers, name)
         elif _LS_DYNA.match(line):
+            while at < len(lines) and lines[at].startswith("$"):
+                title = title if _SILENT.search(lines[at]) else lines[at].strip("$ ")
+                at += 1
             rows = [row.strip() for row in lines[at:] if not row.startswith("$")]
             titled = "_TITLE" in line.upper()
             for i, row in enumerate(rows[titled:]):
@@ -1211,6 +1248,7 @@ def _cards(lines: Sequence[str]) -> Iterator[_Card]:
                 kinds = zip(("rho", "E", "nu"), numbers[1:], strict=False)
                 name = rows[0] if titled else title or cells[0]
                 yield _Card(name, {k: n for k, n in kinds if n}, cells[0])
+                title = ""
         elif found := _ASTER.match(line):
             given = {m[1]: float(m[2]) for m in _GIVEN.finditer(found[2])}
             kinds = {"E": "E", "NU": "nu", "RHO": "rho"}

@@ -380,3 +380,52 @@ def test_a_list_by_position_leaves_what_stands_before_it(clauses_of):
     found = clauses_of(text, ["lid", "legs", "seat", "back"])
     rows = [TABLE.phrases[row].name for row in ("oak", "steel", "brass", "glass")]
     assert [found[name][0].material for name in found] == rows
+
+
+KEYED = [
+    "Card 1: RO 7.85e-9, E 210000, PR 0.3 -> BasePlate and the ribs. Card 2: RO 2.7e-9, E 70000, "
+    "PR 0.33 -> top cover.",
+    "Mat 1: E 210 GPa, nu 0,3, rho 7,85 g/cm3 / Mat 2: E 70 GPa, nu 0,33, rho 2,7 g/cm3 --> "
+    "BasePlate = 1, rib_L = 1, rib_R = 1, TopCover = 2",
+    "MID;NAME;E[MPa];NU;RHO[t/mm3]\n1;ST;210000;0.3;7.85e-9\n2;AL;70000;0.33;2.7e-9\n"
+    "MID 1 -> base plate, ribs; MID 2 -> top cover",
+    "mat,E_MPa,nu,rho_kgm3\nst,210000,0.3,7850\nal,70000,0.33,2700\n\n"
+    "BasePlate=st, ribs=st, TopCover=al",
+    "Werkstoff A: E 210 GPa, nu 0.3, 7850 kg/m3. Werkstoff B: E 70 GPa, nu 0.33, 2700 kg/m3. "
+    "Base plate and ribs: A; TopCover: B.",
+    "#1 E=210 GPa nu=0.3 rho=7850; #2 E=70 GPa nu=0.33 rho=2700. base plate #1, ribs #1, "
+    "top cover #2",
+    "Steel: 210 GPa, nu 0.3, 7850 kg/m3. Aluminium: 70 GPa, nu 0.33, 2700 kg/m3. "
+    "Base plate and ribs steel, top cover aluminium.",
+    "MP,EX,1,210e3  MP,PRXY,1,0.3  MP,DENS,1,7.85e-9  ! base plate and ribs, mm-t-s\n"
+    "MP,EX,2,70e3 MP,PRXY,2,0.33 MP,DENS,2,2.7e-9 ! top cover",
+    "MPDATA,EX,1,1,210e3\nMPDATA,PRXY,1,1,.3\nMPDATA,DENS,1,1,7.85e-9\nMPDATA,EX,2,1,70e3\n"
+    "MPDATA,PRXY,2,1,.33\nMPDATA,DENS,2,1,2.7e-9\n! mat 1 = base plate and ribs, mat 2 = top cover",
+    "*MATERIAL, NAME=ST\n*ELASTIC\n210000., 0.3\n*DENSITY\n7.85E-9\n*MATERIAL, NAME=AL\n*ELASTIC\n"
+    "70000., 0.33\n*DENSITY\n2.7E-9\n*SOLID SECTION, ELSET=BASEPLATE, MATERIAL=ST\n"
+    "*SOLID SECTION, ELSET=RIBS, MATERIAL=ST\n*SOLID SECTION, ELSET=TOPCOVER, MATERIAL=AL",
+    "*MATERIAL, NAME=ST *ELASTIC 210000., 0.3 *DENSITY 7.85E-9 -> base plate, ribs. "
+    "*MATERIAL, NAME=AL *ELASTIC 70000., 0.33 *DENSITY 2.7E-9 -> top cover.",
+    "*PART\nbase plate\n1,1,1\n*PART\nribs\n2,1,1\n*PART\ntop cover\n3,1,2\n*MAT_ELASTIC\n"
+    "1,7.85e-9,210000.,0.3\n*MAT_ELASTIC\n2,2.7e-9,70000.,0.33",
+    "*MAT_ELASTIC\n$ base plate and ribs\n1, 7.85e-9, 210000, 0.3\n*MAT_ELASTIC\n$ top cover\n"
+    "2, 2.7e-9, 70000, 0.33",
+    "nDMaterial ElasticIsotropic 1 210e9 0.3 7850; # base plate and ribs\n"
+    "nDMaterial ElasticIsotropic 2 70e9 0.33 2700; # top cover",
+    '<material id="1" name="BasePlate and ribs"><density>7.85e-9</density><E>210000</E><v>0.3</v>'
+    '</material>\n<material id="2" name="TopCover" E="70000" v="0.33" density="2.7e-9"/>',
+]
+
+
+@pytest.mark.parametrize("text", KEYED)
+def test_a_key_is_a_card_a_letter_a_matter_or_a_name(text):
+    found = values(text, ["BasePlate", "rib_L", "rib_R", "TopCover"])
+    for name, wanted in zip(found, (STEEL, STEEL, STEEL, ALU), strict=True):
+        assert found[name] == pytest.approx(wanted, rel=1e-9), name
+
+
+def test_parts_of_a_sort_have_its_matter(agree):
+    agree(r"""
+The grey parts are aluminium, the red ones nylon. Grey: hub and nut. Red: lid. => hub, nut: aluminium; lid: nylon
+All cast parts are bronze and the turned ones are brass. Hub is cast, lid and nut are turned. => hub: bronze; lid, nut: brass
+""")  # noqa: E501
