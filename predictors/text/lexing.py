@@ -800,28 +800,49 @@ def _cells(line: str, sign: str, most: int = 0) -> Sequence[str]:
 # Numbers whose units stand once, before them: "mat card (GPa / kg/m3): pin 210 / 7850; tray ...".
 
 _FIGURE = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+_DECIMAL = rf"(?:\d+,\d+|{_FIGURE})"
 _PRESSURE = r"[kMG]?Pa|k?N/mm(?:\^?2|²)|[kM]?psi|[kM]si"
-_DENSITY = r"k?g/[cd]?m\^?[³3]|t/m\^?[³3]|g/cc|pcf|lbs?/(?:cu\.? ?)?(?:in|ft)\^?[³3]?"
-_HEADING = re.compile(
-    rf"(?:(?<=[Uu]nits are )|(?<=[Uu]nits: )|(?=E ?[(\[])|(?=[(\[]))(?:E ?(?:in)? ?)?[(\[]?"
-    rf"(?:E ?(?:in)? ?)?({_PRESSURE})[)\]]? ?([/,;|]|and) ?"
-    rf"(?:(?:rho|ρ|density|w) ?(?:in)? ?)?[(\[]?({_DENSITY})[)\]]?(?=[^\d:\n]*:|[)\]]?\s)"
+_DENSITY = r"k?g/[cd]?m\^?[³3]|t/m?m\^?[³3]|g/cc|pcf|lbs?/(?:cu\.? ?)?(?:in|ft)\^?[³3]?"
+_CALLED_E = r"(?i:e[- ]?mod\w*|(?:young\S* )?modul\w*|m[oó]dulos?|E)"
+_CALLED_RHO = r"(?:(?i:rho|dens\w*|dicht\w*|masse vol\w*)\.?|ρ|w)"
+_LABEL = re.compile(
+    rf"(?<![\w.])(?<!\d )(?:(?:{_CALLED_E}[, ]*(?:in )?)?[(\[]?(?P<E>{_PRESSURE})[)\]]?"
+    rf"|(?:{_CALLED_RHO}[, ]*(?:in )?)?[(\[]?(?P<rho>{_DENSITY})[)\]]?"
+    r"|(?P<nu>nu|ν|(?i:poisson\w*)))(?!\w)"
 )
+_ANNOUNCED = re.compile(rf"(?:{_CALLED_E}|{_CALLED_RHO})\W|[(\[]|(?<=[Uu]nits are )|(?<=[Uu]nits: )")
+_AND = r"(?:\s*[/;|]\s*|\s*,\s+|\s+(?:and|und|et|y)\s+)"
+_VALUE = rf"(\d{{1,3}}(?: \d{{3}})+(?![\d,])|{_DECIMAL}(?<!\.))"
+_IN_A_ROW = re.compile(r"(?:[;|/,\t]|\s{2})\s*$")  # before a column's name
 
 
 def _under_units(text: str) -> str:
-    """The text with the units of a heading behind each of its pairs of numbers."""
-    head = _HEADING.search(text)
-    if head is None:
-        return text
-    E, sign, rho = head.groups()
-    sign = "/" if sign == "and" else sign
-    rest = re.sub(
-        rf"(?<![\w.,])({_FIGURE}) ?{re.escape(sign)} ?({_FIGURE})(?![\w%]|[.,]\d)",
-        lambda m: f"E = {m[1]} {E}, rho = {m[2]} {rho}",
-        text[head.end() :],
-    )
-    return text[: head.start()] + rest
+    """The text with the units of a heading behind each of its numbers, or of its pairs of them."""
+    heads = list[list[re.Match]]()
+    for m in _LABEL.finditer(text):
+        gap = text[heads[-1][-1].end() : m.start()] if heads else "-"
+        if re.fullmatch(rf"{_AND}[(\[]?", gap):
+            heads[-1].append(m)
+        else:
+            heads.append([m])
+    heads = [
+        own for own in heads
+        if _ANNOUNCED.match(text, own[0].start()) and len({m.lastgroup for m in own}) == len(own)
+        and not _IN_A_ROW.search(text[: own[0].start()])
+        and text[own[-1].end() :][:2].lstrip(")] ").startswith(":") >= (len(own) == 1)
+    ]  # fmt: skip
+    end = len(text)
+    for own in reversed(heads):
+        values = re.sub(
+            rf"(?<![\w.,]){_AND.join([_VALUE] * len(own))}(?![\w%]|[.,]\d| ?(?:[mc]m|%))",
+            lambda m, own=own: ", ".join(
+                f"{label.lastgroup} = {n} {label[label.lastgroup].replace('nu', '')}".strip()
+                for n, label in zip(m.groups(), own, strict=True)
+            ),
+            text[own[-1].end() : end],
+        )
+        text, end = text[: own[0].start()] + values + text[end:], own[0].start()
+    return text
 
 
 # Numbers beside each other, of which one says its unit or name: "68.9 GPa / 0.33 / 2.70".
@@ -829,7 +850,6 @@ def _under_units(text: str) -> str:
 _BETWEEN = r"(?:\s*[/|&]\s*|\s*[,;]\s+|\s+and\s+|\s*\(\s*|\s+(?=0?\.\d))"
 _SAID_E, _SAID_RHO = r"(?<!\w)E\s?[=:]?\s?", r"(?<!\w)(?:rho|ρ|density)\s?[=:]?\s?"
 _NAMED = r"(?:nu|ν|v|pr|poisson\w*|rho|ρ|density)\s?[=:]?\s?"
-_DECIMAL = rf"(?:\d+,\d+|{_FIGURE})"
 _LABELLED = (
     rf"(?:{_NAMED})?{_DECIMAL}(?:\s?(?:{_DENSITY})(?!\w)"
     r"|(?![\w%°×€\"”µ-]|[.,]\d|\s?(?:[^\W\d_]|[°%±×€\"”-])))"
@@ -838,7 +858,7 @@ _GROUP = re.compile(
     rf"(?<![\w.,])(?P<E>{_FIGURE}\s?(?P<unit>{_PRESSURE}))(?P<rest>(?:{_BETWEEN}{_LABELLED}){{1,2}})"
 )
 _OF_GROUP = re.compile(rf"({_BETWEEN})({_NAMED})?({_DECIMAL})(\s?(?:{_DENSITY})(?!\w))?")
-_NO_MODULUS = re.compile(r"(?i)(?:strength|stress|yield|tensile|uts|rm|re|rp0[.,]2|load)\W*$")
+_NO_MODULUS = re.compile(r"(?i)(?:strength|stress|yield|tensile|load|\b(?:uts|rm|re|rp0[.,]2))\W*$")
 _BARE_E = re.compile(
     rf"(?<![\w.])([Ee]\s?[=:]?\s?)({_FIGURE})(?=\s*[,;/ ]\s*(?:nu|ν|v|pr)\s?[=:]?\s?0?\.\d)"
 )
@@ -879,7 +899,7 @@ def _grouped(text: str) -> str:
                 label, unit = "rho = ", " lb/in3"
             elif 0.5 <= value < 23 and ("." in figure or "," in figure) and tabled:
                 label, unit = "rho = ", " g/cm3"
-            elif 400 <= value < 23e3 and tabled:
+            elif (10 if nu and tabled else 400) <= value < 23e3 and tabled:
                 label, unit = "rho = ", " kg/m3"
             parted = label != name or "/" in sign  # "0.32 / 1.75" may be a range
             out += f"{', ' if parted else sign}{label}{figure}{unit}"

@@ -172,8 +172,10 @@ _LOADED = re.compile(r"(?i)pressure|load|force|torque|snow|wind")
 # Numbers without a unit that can be only one thing: an E in Pa, a density in kg/m^3 or in g/cm^3.
 _BARE = {
     "E": ((1e4, 2e12, 1.0, "Pa"),),
-    "rho": ((25.0, 23e3, 1.0, "kg/m3"), (0.3, 23.0, 1e3, "g/cm3")),
+    "rho": ((25.0, 23e3, 1.0, "kg/m3"), (0.02, 23.0, 1e3, "g/cm3")),
 }
+_POUNDS = (0.02, 0.9, 27679.9, "lb/in3")  # beside psi
+_IMPERIAL = re.compile(r"(?i)(?<![a-z])(?:[km]?psi|[km]si)(?![a-z])")
 
 
 # As programs write a material: "(7e10, 0.33, 2700)" is E [Pa], nu and rho [kg/m^3].
@@ -316,6 +318,7 @@ def _read(match: re.Match, *, cued: bool) -> Numeral | None:
     if _DIRECTED.match(said):
         note = Note("numerals.direction_same", said=said)
     bare = _BARE.get(measure, ())
+    bare = (_POUNDS, *bare) if measure == "rho" and _IMPERIAL.search(match.string) else bare
     if dimension is None and not group["share"] and bare:
         scale, unit = next(((s, u) for a, b, s, u in bare if a <= value <= b), (0.0, ""))
         value, note = value * scale, Note("numerals.unit_taken", said=said, unit=unit)

@@ -429,3 +429,29 @@ def test_parts_of_a_sort_have_its_matter(agree):
 The grey parts are aluminium, the red ones nylon. Grey: hub and nut. Red: lid. => hub, nut: aluminium; lid: nylon
 All cast parts are bronze and the turned ones are brass. Hub is cast, lid and nut are turned. => hub: bronze; lid, nut: brass
 """)  # noqa: E501
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "module (MPa) / masse vol. (kg/m3) : skin 58 000 / 1510 ; core 90 / 80",
+        "E-Modul in MPa / Dichte in kg/m3: skin 58000 / 1510, core 90 / 80",
+        "módulo (GPa) y densidad (g/cm3): skin 58 y 1,51; core 0,09 y 0,08",
+        "rho (kg/m3) / E (GPa): skin 1510 / 58; core 80 / 0.09",
+        "(E in N/mm², Dichte in g/cm³): skin 58000; 1,51. Core 90; 0,08",
+        "all moduli in GPa, densities in kg/m3. skin 58, 1510; core 0.09, 80",
+        "E in GPa: skin 58, core 0.09. rho in kg/m3: skin 1510, core 80",
+        "skin module 58000 MPa, densite 1,51; core E = 90 MPa, dens. 80",
+        "skin: 58 GPa / 0.3 / 1510; core: 0.09 GPa / 0.3 / 80",
+    ],
+)
+def test_numbers_have_the_units_of_their_heading(text):
+    """In four languages, one measure or two, in either order; bare densities are kg/m3 or g/cm3."""
+    found = values(text, ["skin", "core"])
+    assert (found["skin"]["E"], found["skin"]["rho"]) == pytest.approx((5.8e10, 1510))
+    assert (found["core"]["E"], found["core"]["rho"]) == pytest.approx((9e7, 80))
+
+
+def test_a_bare_density_beside_psi_is_in_pounds():
+    found = values("rib: E 10.3e6 psi, rho 0.098; lid: E 70 GPa, rho 0.9", ["rib", "lid"])
+    assert found["rib"]["rho"] == pytest.approx(2712.6, rel=1e-4)
