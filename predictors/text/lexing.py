@@ -695,6 +695,8 @@ _SIGNS = (
     rf"{_COMMA}|(?<=\s)(?:and|und|et|y|then|dann|puis)(?=\s)", _COMMA, r"(?<=\s)/(?=\s)", r"\|"
 )  # fmt: skip
 _WORDED, _LAST_NUMBER = re.compile(r"[^\W\d_]"), re.compile(r"\d+$")
+_COUNTED = re.compile(r"(?<![\w.,])(\d\d?) ?(?:to|bis|à|al?|through|thru|-|–|\.\.+) ?(\d\d?)(?![\w.,]\w)")
+_SIZE = 4  # letters of a number that may be a thickness: "1.52"
 _LEAST = 3  # things of two lists that are taken for one where no order is told
 
 
@@ -714,19 +716,26 @@ def _by_position(text: str, names: Sequence[str], lexicon: ReaderLexicon) -> str
         for (begin, (head, after)), sign, other in product(cuts, _SIGNS, _SIGNS):
             things, matters = _items(plain, begin, head, sign), _items(plain, after, end, other)
             listed = len(things) == len(matters) >= (2 if told else _LEAST)
-            if len(matters) < 2 or not (told or listed):
+            counted = None if listed else _COUNTED.search(plain, begin, head)  # "discs 1 to 4"
+            if len(matters) < 2 or not (told or listed or counted):
                 continue
             lexemes = lexemes or lex(text, lexicon, names).lexemes
-            called = [text[a:b] for a, b in things] if listed else _of_number(len(matters), names)
+            spoken = {w for x in lexemes if begin <= x.start < head and x.part for w in x.words}
+            kin = [n for n in names if any(w.isalpha() and w in spoken for w in part_name_words(n))]
+            called = [text[a:b] for a, b in things] if listed else _of_number(
+                len(matters), kin or names, counted
+            )  # fmt: skip
             numbered = listed and not any(map(_WORDED.search, called[1:]))  # "rollers 1, 2 and 3"
             if numbered and (last := _LAST_NUMBER.search(called[0])):
                 called = [called[0], *(called[0][: last.start()] + n for n in called[1:])]
-            spoken = [[x for x in lexemes if over(item, (x.start, x.end))] for item in matters]
-            named = any(x.part and x.role != "material" for own in spoken for x in own)
+            said = [[x for x in lexemes if over(item, (x.start, x.end))] for item in matters]
+            named = any(x.part and x.role not in ("material", "digits") for own in said for x in own)
             strange = int(head > begin)  # where no list of parts stands before it, all are known
-            if called and not named and _is_each(spoken, strange):
+            if called and not named and _is_each(said, strange):
+                ends = [_without_size(own, b) for own, (_, b) in zip(said, matters, strict=True)]
                 said = (
-                    f"{name}: {text[a:b]}" for name, (a, b) in zip(called, matters, strict=True)
+                    f"{name}: {text[a:b]}"
+                    for name, (a, _), b in zip(called, matters, ends, strict=True)
                 )
                 said_before = (x for x in lexemes if start <= x.start and x.end <= begin)
                 before = any(x.role == "material" for x in said_before)
@@ -760,8 +769,26 @@ def _items(text: str, start: int, end: int, sign: str) -> list[Place]:
     return [m.span() for m in found if m]
 
 
-def _of_number(count: int, names: Sequence[str]) -> list[str]:
-    """The parts, if so many, or else those of the only name that so many have."""
+def _without_size(item: Sequence[Lexeme], end: int) -> int:
+    """Where the matter of an item ends, before its thickness: "glass 6", but "NBR 70"."""
+    if [x.role for x in item] != ["material", "digits"] or len(item[1].text) > _SIZE:
+        return end
+    return end if item[0].value.category == "elastomer" else item[0].end
+
+
+def _of_number(count: int, names: Sequence[str], counted: re.Match | None) -> list[str]:
+    """The parts that have the numbers that are ``counted``.
+
+    Or all, if so many, or else those of the only name that so many have.
+    """
+    wanted = range(int(counted[1]), int(counted[2]) + 1) if counted else range(count)
+    if len(wanted) != count:
+        return []
+    for at in (0, -1) if counted else ():
+        digits = {name: re.findall(r"\d+", name) for name in names}
+        own = [[n for n, d in digits.items() if d and int(d[at]) == k] for k in wanted]
+        if all(len(each) == 1 for each in own):
+            return [each[0] for each in own]
     if len(names) == count:
         return [*names]
     kinds: dict[Phrase, list[str]] = {}

@@ -455,3 +455,31 @@ def test_numbers_have_the_units_of_their_heading(text):
 def test_a_bare_density_beside_psi_is_in_pounds():
     found = values("rib: E 10.3e6 psi, rho 0.098; lid: E 70 GPa, rho 0.9", ["rib", "lid"])
     assert found["rib"]["rho"] == pytest.approx(2712.6, rel=1e-4)
+
+
+COUNTED = [
+    "discs 1 to 3 from the top: brass, PTFE, steel; lid oak",
+    "Disc 1-3: brass, PTFE, steel. The lid is oak.",
+    "Numbers 1 to 3 of the drawing: brass, PTFE, steel. The lid is oak",
+    "discs, outside to inside: brass 6, PTFE 1.52, steel 3; lid oak",
+    "discos de fuera hacia dentro: latón 6, PTFE 1.52, acero 3; lid: roble",
+    "Disc 1 bis 3 von oben: Messing, PTFE, Stahl; lid: Eiche",
+    "disques 1 à 3, de l'extérieur vers l'intérieur : laiton, PTFE, acier ; lid : chêne",
+]
+
+
+@pytest.mark.parametrize("text", COUNTED)
+def test_numbers_or_a_way_through_the_parts_tell_an_order(clauses_of, text):
+    """A thickness behind a matter is no number of it."""
+    names = ["disc_1", "disc_2", "disc_3", "lid"]
+    found = clauses_of(text, names)
+    rows = [TABLE.phrases[row].name for row in ("brass", "ptfe", "steel", "oak")]
+    assert [[c.material for c in found[name]] for name in names] == [[row] for row in rows]
+    assert not any(c.numbers for name in names for c in found[name])
+
+
+def test_numbers_count_the_parts_of_their_kind(clauses_of):
+    names = ["disc_1", "disc_2", "disc_3", "gear_1", "gear_2", "gear_3"]
+    found = clauses_of("discs 1-3: brass, PTFE, NBR 70; gears 1-3: steel, oak, glass", names)
+    rows = [TABLE.phrases[r].name for r in ("brass", "ptfe", "nbr", "steel", "oak", "glass")]
+    assert [found[name][0].material for name in names] == rows
