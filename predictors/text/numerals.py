@@ -31,6 +31,13 @@ _MULTIPLE = re.compile(r"(?<![\w.,])(\d[\d.,]*)[ -](?i:(thousand|million|billion
 _FRACTION = re.compile(r"(?<=ratio )((?:of |is )?)(?i:(?:one|a) (third|quarter))(?!\w)")
 
 
+_EMPTY = DATA["cues"]["void"]
+_SHARES = [
+    (share, re.compile(rf"(?i)(?<!\w){said}(?=(?: (?:of|d\w+) [\w ]{{2,12}}?)? {_EMPTY})"))
+    for share, said in DATA["shares"].items()
+]
+
+
 def counted_by(text: str) -> int | None:
     """Return what digits or a word count, None where they count nothing: "4", "three"."""
     return int(text) if text.isdigit() else NUMBERS.get(text.lower())
@@ -41,7 +48,9 @@ def in_digits(text: str) -> tuple[str, dict[int, int]]:
 
     Digits stand at the end of the words' place; where such a number begins is told for each place.
     """
-    found = [match.span() for pattern in (_WORDS, _MULTIPLE) for match in pattern.finditer(text)]
+    shares = [pattern for _, pattern in _SHARES]
+    patterns = (_WORDS, _MULTIPLE, *shares)
+    found = [match.span() for pattern in patterns for match in pattern.finditer(text)]
     starts = {at: start for start, end in found for at in range(start, end)}
 
     def power(match: re.Match) -> str:  # "10 million" -> "      10e6"
@@ -60,6 +69,8 @@ def in_digits(text: str) -> tuple[str, dict[int, int]]:
             return match[0]
         return (f"{whole}." + "".join(map(str, after))).rstrip(".").rjust(len(match[0]))
 
+    for share, pattern in _SHARES:  # "zur Hälfte hohl" -> "      50 % hohl"
+        text = pattern.sub(lambda m, share=share: share.rjust(len(m[0])), text)
     return _WORDS.sub(digits, _FRACTION.sub(decimals, _MULTIPLE.sub(power, text))), starts
 
 
