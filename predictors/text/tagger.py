@@ -530,6 +530,10 @@ def with_second_opinion(
         torn = MANY_ROWS * (facts["grammar_rows"] > 0)
         # What is said of a third is not of a part that is as another
         torn -= facts["grammar_points"] * facts["of_another"]
+        # How many times another's E it has is more than nothing, or a strange word
+        told = [r for r in readings[1:] if any(x.exact for c in r.clauses for x in c.comparisons)]
+        grammar = ("grammar_row", "grammar_numbers", "grammar_relation")
+        torn += bool(told) and not any(facts[fact] for fact in grammar)
         best = max(readings, key=lambda r: chances[r.reader] - torn * (r.reader == "grammar"))
         chance = chances[best.reader]
         if best.reader == "grammar":
@@ -627,7 +631,7 @@ def readings_of(
     if beside and beside.comparison:
         told = _related(said, text)
         clause = Clause(told, (0, 0), Subject("none"), comparisons=(beside.comparison,))
-        read = (*(c for c in read if not c.comparisons), clause)
+        read = (*(c for c in read if (c.material or c.numbers) and not c.comparisons), clause)
     elif beside and beside.other not in waiting:  # the same matter
         others, _ = readings_of(beside.other, bound, every, labels, table, waiting | {i})
         by = {r.reader: r.clauses for r in others}
@@ -663,7 +667,8 @@ def _compared(
     }
     filled = {r.reader: {c.filling for c in r.clauses} for r in readings}
     one_matter = bool(rows.get("words")) and rows["words"] == rows["grammar"]
-    if one_matter and all(of["words"] <= of["grammar"] for of in (stated, filled)):
+    beside = {r.reader: {x for c in r.clauses for x in c.comparisons} for r in readings}
+    if one_matter and all(of["words"] <= of["grammar"] for of in (stated, filled, beside)):
         readings = [r for r in readings if r.reader != "words"]  # the same matter, and no more
 
     def alike(a: str, b: str) -> float:
@@ -901,9 +906,11 @@ def _beside(
     if not told:
         return None
     at = next(start for role, start, _ in every[i].words if role == "relation")
+    context = re.split(r"[.;,\n](?=\s|$)", text[:at])[-1]
     ends = [
         (w.end, j) for j, said in enumerate(every) if j != i
         for w in said.words if w.role in ("matter", "number") and w.end <= at
     ]  # fmt: skip
     only = 1 - i if len(labels) == 2 else None
-    return relation_of(told, i, labels, max(ends)[1] if ends else only, lexicon_of(table))
+    before = max(ends)[1] if ends else only
+    return relation_of(told, i, labels, before, lexicon_of(table), context)
