@@ -454,8 +454,14 @@ def _points(bound: Bound, i: int) -> bool:
     """Whether the grammar has a part's matter from what is said of another: "same as the lid"."""
     text, clauses = bound.sentence.text, bound.sentence.clauses
     own = [clauses[k] for k in bound.parts[i].clauses]
-    strange = [c for c in own if c.phrase and c.phrase not in text[slice(*c.span)]]
-    return any(c.material == o.material for c in strange for o in clauses if o not in own)
+    others = [o for o in clauses if o not in own]
+    for clause in own:
+        said = [clause.phrase] if clause.phrase else [q.text for q in clause.numbers]
+        if said and not any(words in text[slice(*clause.span)] for words in said):
+            what = (clause.material, () if clause.phrase else clause.numbers)
+            if any(what == (o.material, what[1] and o.numbers) for o in others):
+                return True
+    return False
 
 
 def _called(name: str) -> str:
