@@ -592,6 +592,10 @@ def is_hue(after: Sequence[Lexeme]) -> bool:
 # "part;material;price" and its rows become "bush: bronze;", the cards of a deck "bush: E = 7.17e+10
 # Pa, nu = 0.33, rho = 2810 kg/m3;". What is in no such notation stays as it is.
 
+_FIGURE = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+_DECIMAL = rf"(?:\d+,\d+|{_FIGURE})"
+_PRESSURE = r"[kMG]?Pa|(?:k|da)?N/mm(?:\^?2|²)|k(?:gf|p)/[mc]m(?:\^?2|²)|[kM]?psi|[kM]si"
+_DENSITY = r"k?g/[cd]?m\^?[³3]|t/m?m\^?[³3]|g/cc|pcf|lbs?/(?:cu\.? ?)?(?:in|ft)\^?[³3]?"
 _SPACED = r"\s{2,}"  # columns that are aligned
 _WORDS = r"\s+(?![\[(])"  # columns of one word each but the last: "Part E [GPa] Material"
 _SLASHED = r"\s/\s"
@@ -615,9 +619,9 @@ def in_sentences(text: str, names: Sequence[str] = (), lexicon: ReaderLexicon | 
     ``names``. Lists by position want a ``lexicon``, which knows what is a matter.
     """
     known = {name.lower() for name in names}
-    text = _unabridged(text, names)
+    text = _unabridged(_BRACKETED.sub(r" \1", _OBJECT.sub(_of_object, text)), names)
     text = _by_position(text, names, lexicon) if lexicon else text
-    text = _under_units(_decks(_grouped(_with_positions(text, names))))
+    text = _under_units(_decks(_grouped(_with_positions(text, names)), names))
     lines = [line for line in text.splitlines() if not _RULED.fullmatch(line)]
     lines, out = [_EDGES.sub("", line) if "|" in line else line for line in lines], list[str]()
     while lines:
@@ -657,6 +661,17 @@ def in_sentences(text: str, names: Sequence[str] = (), lexicon: ReaderLexicon | 
             plain = row and not known & {cell.lower() for cell in row[1:]}
             out.append(f"{row[0]}: {', '.join(row[1:])};" if plain else head)
     return _referred(*_definitions("\n".join(out), names))
+
+
+# As programs write them: "160[GPa]", {"brace": {"E_GPa": 62, "rho": 1540}}
+_BRACKETED = re.compile(rf"(?<=\d) ?\[({_PRESSURE}|{_DENSITY})\]")
+_OBJECT = re.compile(r"\{?\s*\"([^\"{}]+)\"\s*:\s*\{([^{}]*\d[^{}]*)\}[,\s}]*")
+
+
+def _of_object(m: re.Match) -> str:
+    unquoted = re.sub(r"[\"']", "", m[2])
+    valued = re.sub(rf"_({_PRESSURE})\s*:\s*({_FIGURE})", r" = \2 \1", unquoted)
+    return f"{m[1]}: {re.sub(r'(?<=[a-zE]):', ' =', valued)};\n"
 
 
 def _unabridged(text: str, names: Collection[str]) -> str:
@@ -826,10 +841,6 @@ def _cells(line: str, sign: str, most: int = 0) -> Sequence[str]:
 
 # Numbers whose units stand once, before them: "mat card (GPa / kg/m3): pin 210 / 7850; tray ...".
 
-_FIGURE = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
-_DECIMAL = rf"(?:\d+,\d+|{_FIGURE})"
-_PRESSURE = r"[kMG]?Pa|k?N/mm(?:\^?2|²)|[kM]?psi|[kM]si"
-_DENSITY = r"k?g/[cd]?m\^?[³3]|t/m?m\^?[³3]|g/cc|pcf|lbs?/(?:cu\.? ?)?(?:in|ft)\^?[³3]?"
 _CALLED_E = r"(?i:e[- ]?mod\w*|(?:young\S* )?modul\w*|m[oó]dulos?|E)"
 _CALLED_RHO = r"(?:(?i:rho|dens\w*|dicht\w*|masse vol\w*)\.?|ρ|w)"
 _LABEL = re.compile(
@@ -874,7 +885,10 @@ def _under_units(text: str) -> str:
 
 # Numbers beside each other, of which one says its unit or name: "68.9 GPa / 0.33 / 2.70".
 
-_BETWEEN = r"(?:\s*[/|&]\s*|\s*[,;]\s+|\s+and\s+|\s*\(\s*|\s+(?=0?\.\d))"
+_BETWEEN = (
+    r"(?:\s*[/|&]\s*|\s*[,;]\s+|\s+and\s+|\s*\(\s*"
+    rf"|\s+(?=0?\.\d|{_FIGURE}\s?(?:{_DENSITY})(?!\w)))"
+)
 _SAID_E, _SAID_RHO = r"(?<!\w)E\s?[=:]?\s?", r"(?<!\w)(?:rho|ρ|density)\s?[=:]?\s?"
 _NAMED = r"(?:nu|ν|v|pr|poisson\w*|rho|ρ|density)\s?[=:]?\s?"
 _LABELLED = (
@@ -915,9 +929,10 @@ def _grouped(text: str) -> str:
             return m[0]
         out, imperial = m["E"], m["unit"].endswith("si")
         nu = False  # Poisson's ratio is said
+        inside = text[: m.start()].endswith("(") and text[m.end() : m.end() + 1] == ")"
         for sign, name, figure, unit in _OF_GROUP.findall(m["rest"]):
             value, label = float(figure.replace(",", ".")), name
-            tabled = nu or "/" in sign or "|" in sign
+            tabled = nu or {"/", "|", "and"} & {sign.strip()} or inside
             if name or unit:
                 nu |= name[:1] in ("n", "ν", "v", "p")
             elif 0 < value < 0.5 and not (imperial and nu):
@@ -977,6 +992,7 @@ _SYSTEMS = (
     ((3e-5, 3e-3), 6894.757, 10686895.0),  # in, lbf s2/in, s, psi
     ((1.0, 3e4), 1.0, 1.0),  # SI
 )
+_KIP, _KIPS = re.compile(r"(?i)\bkips?\b"), ((0.0, 0.0), 6894757.0, 1.0686895e10)  # kip, in, s
 _SOFTEST, _STIFFEST = 500.0, 2e12  # Pa
 _COMMENT = re.compile(r"^\s*(?:\*\*|\$|!|#|//|C )\s*(.*)$")
 _MAT1 = r"MAT1\*?[,\s]\s*\d+\s*[,\s][-+.,\s\d]"
@@ -1019,7 +1035,7 @@ def _system_of(rho: float) -> tuple[tuple[float, float], float, float] | None:
     return next((s for s in _SYSTEMS if s[0][0] <= rho < s[0][1]), None)
 
 
-def _decks(text: str) -> str:
+def _decks(text: str, names: Collection[str]) -> str:
     """The text with a sentence in place of each material's cards; bare numbers in their units."""
     text = _CONTINUED.sub(lambda m: f"{m[1]} " if m[1] else "\n", _LISTED.sub(_as_cards, text))
     text = _OPENSEES.sub(r"\nMAT1,\1,\2,,\3,\4 $\5\n", _ELEMENT.sub(_of_element, text))
@@ -1049,8 +1065,9 @@ def _decks(text: str) -> str:
         and line.lower() not in low
     ]  # fmt: skip
     out, defined = list[str](), dict[str, str]()
+    parts = {word for name in names for word in part_name_words(name)}
     for key, numbers, number_of in cards:
-        system = _system_of(numbers.get("rho", 0))
+        system = _KIPS if _KIP.search(text) else _system_of(numbers.get("rho", 0))
         if system is None and "E" in numbers:
             system = (0, 0), 1.0 if numbers["E"] > 1e8 else 1e6 if _UNITS.search(text) else 0.0, 0.0
         E = numbers.get("E", 0.0) * system[1] if system else 0.0
@@ -1069,6 +1086,7 @@ def _decks(text: str) -> str:
             out += [f"{name}: {', '.join(values)};" for name in named]
         else:
             defined |= dict.fromkeys(filter(None, (key, number_of)), ", ".join(values))
+            out += [f"{key}: {', '.join(values)};"] * (not parts.isdisjoint(part_name_words(key)))
     return "\n".join([*out, _referred("\n".join(said), defined)])
 
 
@@ -1100,6 +1118,8 @@ def _definitions(text: str, names: Collection[str]) -> tuple[str, dict[str, str]
     keys, rest, at = dict[str, str](), "", 0
     for m in _DEFINED.finditer(text):
         key, said = m["key"] or m["sort"], m["said"] or m["of"]
+        if m["sort"] and not _is_key(key, [text[m.end() :]]):
+            continue
         part = {"mat", "material", f"m{key.lower()}"} & called
         if key in keys or part or not (re.search(r"\d", said) or m["sort"] or _row(said, called)):
             return text, {}

@@ -612,7 +612,8 @@ def readings_of(
     ``waiting`` are parts whose readings wait for this one's: "as the lid", "as the box".
     """
     names = [own[0] for own in labels]
-    text, said, part = bound.sentence.text, every[i], shown_name(names[i])
+    text, part = bound.sentence.text, shown_name(names[i])
+    said = _whole(every[i], bound.sentence.numbers)
     own = tuple(bound.sentence.clauses[k] for k in bound.parts[i].clauses)
     language = bound.sentence.language
     readings = [Reading("grammar", own)]
@@ -862,6 +863,17 @@ def _without_idle(
     return Bound(sentence, parts, tuple(unbound), tuple(mute))
 
 
+def _whole(said: Said, numbers: Sequence[Place]) -> Said:
+    """What is said with numbers as wholes: with the word that says what they are, and the unit."""
+    found = list[Words]()
+    for words in said.words:
+        own = [x for x in numbers if over(x, words[1:]) and words.role in ("matter", "number")]
+        start, end = min([words.start, *(a for a, _ in own)]), max([words.end, *(b for _, b in own)])
+        start = max(start, found[-1].end if found else 0)
+        found += [Words(words.role, start, end)] if start < end else []
+    return replace(said, words=tuple(found))
+
+
 def _words(said: Said, text: str) -> str:
     """Words that speak of a part's matter as one phrase, with the signs that stand between them."""
     runs: dict[str, list[str]] = {}
@@ -900,8 +912,8 @@ def _related(said: Said, text: str) -> str:
     if not spans:
         return ""
     (start, _), (_, end) = spans[0], spans[-1]
-    factor = BY_FACTOR.match(text, end)
-    return text[start : factor.end() if factor else end]
+    factor = BY_FACTOR.search(text, start)  # "stiffer by a", "factor of 20"
+    return text[start : factor.end() if factor and factor.start() <= end else end]
 
 
 def _beside(

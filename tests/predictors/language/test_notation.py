@@ -483,3 +483,31 @@ def test_numbers_count_the_parts_of_their_kind(clauses_of):
     found = clauses_of("discs 1-3: brass, PTFE, NBR 70; gears 1-3: steel, oak, glass", names)
     rows = [TABLE.phrases[r].name for r in ("brass", "ptfe", "nbr", "steel", "oak", "glass")]
     assert [found[name][0].material for name in names] == rows
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "BasePlate E = 210[GPa], nu = 0.3, rho = 7850[kg/m^3]; TopCover E = 70[GPa], nu = 0.33, "
+        "rho = 2700[kg/m^3]",
+        '{"BasePlate": {"E_GPa": 210, "nu": 0.3, "rho": 7850}, '
+        '"TopCover": {"E_GPa": 70, "nu": 0.33, "rho": 2700}}',
+        "BasePlate 210 GPa 7.85 g/cm3 0.3; TopCover 70 GPa 2.7 g/cm3 0.33",
+    ],
+)
+def test_programs_write_units_and_names_in_their_way(text):
+    found = values(text, ["BasePlate", "TopCover"])
+    assert found["BasePlate"] == pytest.approx(STEEL, rel=1e-9)
+    assert found["TopCover"] == pytest.approx(ALU, rel=1e-9)
+
+
+def test_a_deck_may_be_in_kips():
+    text = "# kip, in, s\nnDMaterial ElasticIsotropic 1 29000. 0.30 7.35e-7 # rib\n"
+    found = values(text, ["rib", "lid"])["rib"]
+    assert found == pytest.approx({"E": 1.99948e11, "nu": 0.3, "rho": 7854.9}, rel=1e-4)
+
+
+def test_a_title_that_is_a_part_and_a_key_is_both():
+    deck = "*MAT_ELASTIC_TITLE\nrails\n1, 7.85e-6, 210., .3\n*MAT_ELASTIC_TITLE\nlid\n"
+    found = values(f"{deck}2, 2.7e-6, 70., .33\ndoor uses rails", ["rail_1", "lid", "door"])
+    assert found["rail_1"]["E"] == found["door"]["E"] == pytest.approx(2.1e11)
