@@ -21,7 +21,7 @@ from ...fem.table import (
     material_of_values,
 )
 from ..prediction import PartChoice
-from ..text.numerals import Blend, Quantity, wall_named
+from ..text.numerals import DATA, Blend, Quantity, wall_named
 
 # E, nu and rho from what is said in place of them: hardness, infill, a second matter.
 #
@@ -93,6 +93,12 @@ def of_infill(solid: MaterialValue, share: float, skin: float = 0.0) -> tuple[Ma
     value = solid._replace(E=E, rho=solid.rho * (skin + (1 - skin) * share))
     how = Note("numbers.infill_pa", share=share, skin=skin, e=value.E, rho=value.rho)
     return value, how
+
+
+def hollowed(solid: MaterialValue, share: float) -> tuple[MaterialValue, str]:
+    """Value of a thing of which walls that bear along it fill a ``share``: the rule of mixtures."""
+    value = solid._replace(E=share * solid.E, rho=share * solid.rho)
+    return value, Note("numbers.hollow", share=share, e=value.E, rho=value.rho)
 
 
 def with_fibres(matrix: MaterialValue, fibre: str, share: float) -> tuple[MaterialValue, str]:
@@ -197,13 +203,19 @@ def with_numbers(
         skin = said["skin"].value if "skin" in said else USUAL_SKIN
         value, line = of_infill(value, said["infill"].value, within(skin) if within else 0.0)
         how.append(line)
+    left = 0.0  # of the volume of a hollow thing
     if "void" in said:
         share = 1 - said["void"].value
         if _CELLULAR.search(row.name):  # its values have cells already, and of how much is unknown
             warnings.append(Note("numbers.part_void", part=part, text=said["void"].text))
         else:
-            value, _ = of_infill(value, share)
-            how.append(Note("numbers.void", share=share, e=value.E, rho=value.rho))
+            if _HOLLOW.search(said["void"].text):
+                value, line = hollowed(value, share)
+                left = share
+            else:
+                value, _ = of_infill(value, share)
+                line = Note("numbers.void", share=share, e=value.E, rho=value.rho)
+            how.append(line)
     if "mass" in said:
         before = value
         value = _of_mass(part, row, value, said["mass"], volume, how, warnings, named=named)
@@ -227,6 +239,8 @@ def with_numbers(
     if named and "E" in exact and not row.E.min / ODD < exact["E"] < row.E.max * ODD:
         odd = {"part": part, "text": said["E"].text, "name": row.name, **row.E._asdict()}
         warnings.append(Note("numbers.part_odd", **odd))
+    if left and _near(row.rho, dense):  # they are of the solid
+        exact |= {name: left * exact[name] for name in ("E", "rho") if name in exact}
     if exact:
         how.append(", ".join(said[name].text for name in exact) + " as said")
     value = value._replace(**exact)
@@ -273,7 +287,8 @@ FOAMED = {
 }
 
 
-_CELLULAR = re.compile(r"^sintered (?!silicon)| foam\b.*| \(oil-retaining\)")
+_CELLULAR = re.compile(r"^sintered (?!silicon)| foam\b.*| \(oil-retaining\)|^hollow | block$")
+_HOLLOW = re.compile(DATA["hollow"]["void"])
 
 
 def row_by_numbers(

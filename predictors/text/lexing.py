@@ -592,6 +592,10 @@ def is_hue(after: Sequence[Lexeme]) -> bool:
 # "part;material;price" and its rows become "bush: bronze;", the cards of a deck "bush: E = 7.17e+10
 # Pa, nu = 0.33, rho = 2810 kg/m3;". What is in no such notation stays as it is.
 
+_FIGURE = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+_DECIMAL = rf"(?:\d+,\d+|{_FIGURE})"
+_PRESSURE = r"[kMG]?Pa|(?:k|da)?N/mm(?:\^?2|²)|k(?:gf|p)/[mc]m(?:\^?2|²)|[kM]?psi|[kM]si"
+_DENSITY = r"k?g/[cd]?m\^?[³3]|t/m?m\^?[³3]|g/cc|pcf|lbs?/(?:cu\.? ?)?(?:in|ft)\^?[³3]?"
 _SPACED = r"\s{2,}"  # columns that are aligned
 _WORDS = r"\s+(?![\[(])"  # columns of one word each but the last: "Part E [GPa] Material"
 _SLASHED = r"\s/\s"
@@ -615,7 +619,7 @@ def in_sentences(text: str, names: Sequence[str] = (), lexicon: ReaderLexicon | 
     ``names``. Lists by position want a ``lexicon``, which knows what is a matter.
     """
     known = {name.lower() for name in names}
-    text = _unabridged(text, names)
+    text = _unabridged(_BRACKETED.sub(r" \1", _OBJECT.sub(_of_object, text)), names)
     text = _by_position(text, names, lexicon) if lexicon else text
     text = _under_units(_decks(_grouped(_with_positions(text, names)), names))
     lines = [line for line in text.splitlines() if not _RULED.fullmatch(line)]
@@ -624,14 +628,19 @@ def in_sentences(text: str, names: Sequence[str] = (), lexicon: ReaderLexicon | 
         head, *lines = lines
         for sign in (";", "\t", "|", ",", _SPACED, _WORDS, _SLASHED):
             columns = [_column(name) for name in _cells(head, sign)]
-            if "name" not in columns and len({*columns} & {*_MEASURES}) > 1 and not columns[0]:
+            valued = len({*columns} & {*_MEASURES}) > 1
+            if "name" not in columns and valued and columns[0] in ("", "key", "matter"):
                 columns[0] = "name"
             if "name" not in columns or len({*columns} - {""}) < 2:
                 continue
             if sign == _WORDS and not (all(columns[1:]) and len(columns) > 3 and len(lines) > 1):
                 continue
             rows = [_cells(line, sign, len(columns)) for line in lines]
-            count = next((i for i, row in enumerate(rows) if len(row) < 2), len(rows))
+            ends = (i for i, row in enumerate(rows) if len(row) < 2 or (
+                columns[0] == "key" and not row[0].isalnum()
+            ))  # fmt: skip
+            count = next(ends, len(rows))
+            keyed = valued and all(_is_key(row[0], lines[count:]) for row in rows[:count])
             units = [_COLUMN_UNIT.search(name.replace("_", " ")) for name in _cells(head, sign)]
             for row in rows[:count]:
                 said = [
@@ -640,9 +649,10 @@ def in_sentences(text: str, names: Sequence[str] = (), lexicon: ReaderLexicon | 
                     for column, cell, unit in zip(columns, row, units, strict=False)
                     if column not in _MEASURES or any(c.isalnum() for c in cell)
                 ]  # fmt: skip
-                names = [cell for column, cell in said if column == "name"]
-                matter = [cell for column, cell in said if column not in ("", "name")]
-                out.append(f"{names[0]}: {', '.join(filter(str.strip, matter))};")
+                name = next((cell for column, cell in said if column == "name"), "")
+                name = f"MAT_{row[0]}" if keyed else name
+                matter = [cell for column, cell in said if column not in ("", "name", "key")]
+                out.append(f"{name}: {', '.join(filter(str.strip, matter))};")
             lines = lines[count:]
             break
         else:
@@ -650,7 +660,18 @@ def in_sentences(text: str, names: Sequence[str] = (), lexicon: ReaderLexicon | 
             row = next((r for r in cut if len(r) > 1 and known & {r[0].lower()}), [])
             plain = row and not known & {cell.lower() for cell in row[1:]}
             out.append(f"{row[0]}: {', '.join(row[1:])};" if plain else head)
-    return "\n".join(out)
+    return _referred(*_definitions("\n".join(out), names))
+
+
+# As programs write them: "160[GPa]", {"brace": {"E_GPa": 62, "rho": 1540}}
+_BRACKETED = re.compile(rf"(?<=\d) ?\[({_PRESSURE}|{_DENSITY})\]")
+_OBJECT = re.compile(r"\{?\s*\"([^\"{}]+)\"\s*:\s*\{([^{}]*\d[^{}]*)\}[,\s}]*")
+
+
+def _of_object(m: re.Match) -> str:
+    unquoted = re.sub(r"[\"']", "", m[2])
+    valued = re.sub(rf"_({_PRESSURE})\s*:\s*({_FIGURE})", r" = \2 \1", unquoted)
+    return f"{m[1]}: {re.sub(r'(?<=[a-zE]):', ' =', valued)};\n"
 
 
 def _unabridged(text: str, names: Collection[str]) -> str:
@@ -689,6 +710,8 @@ _SIGNS = (
     rf"{_COMMA}|(?<=\s)(?:and|und|et|y|then|dann|puis)(?=\s)", _COMMA, r"(?<=\s)/(?=\s)", r"\|"
 )  # fmt: skip
 _WORDED, _LAST_NUMBER = re.compile(r"[^\W\d_]"), re.compile(r"\d+$")
+_COUNTED = re.compile(r"(?<![\w.,])(\d\d?) ?(?:to|bis|à|al?|through|thru|-|–|\.\.+) ?(\d\d?)(?![\w.,]\w)")
+_SIZE = 4  # letters of a number that may be a thickness: "1.52"
 _LEAST = 3  # things of two lists that are taken for one where no order is told
 
 
@@ -708,19 +731,26 @@ def _by_position(text: str, names: Sequence[str], lexicon: ReaderLexicon) -> str
         for (begin, (head, after)), sign, other in product(cuts, _SIGNS, _SIGNS):
             things, matters = _items(plain, begin, head, sign), _items(plain, after, end, other)
             listed = len(things) == len(matters) >= (2 if told else _LEAST)
-            if len(matters) < 2 or not (told or listed):
+            counted = None if listed else _COUNTED.search(plain, begin, head)  # "discs 1 to 4"
+            if len(matters) < 2 or not (told or listed or counted):
                 continue
             lexemes = lexemes or lex(text, lexicon, names).lexemes
-            called = [text[a:b] for a, b in things] if listed else _of_number(len(matters), names)
+            spoken = {w for x in lexemes if begin <= x.start < head and x.part for w in x.words}
+            kin = [n for n in names if any(w.isalpha() and w in spoken for w in part_name_words(n))]
+            called = [text[a:b] for a, b in things] if listed else _of_number(
+                len(matters), kin or names, counted
+            )  # fmt: skip
             numbered = listed and not any(map(_WORDED.search, called[1:]))  # "rollers 1, 2 and 3"
             if numbered and (last := _LAST_NUMBER.search(called[0])):
                 called = [called[0], *(called[0][: last.start()] + n for n in called[1:])]
-            spoken = [[x for x in lexemes if over(item, (x.start, x.end))] for item in matters]
-            named = any(x.part and x.role != "material" for own in spoken for x in own)
+            said = [[x for x in lexemes if over(item, (x.start, x.end))] for item in matters]
+            named = any(x.part and x.role not in ("material", "digits") for own in said for x in own)
             strange = int(head > begin)  # where no list of parts stands before it, all are known
-            if called and not named and _is_each(spoken, strange):
+            if called and not named and _is_each(said, strange):
+                ends = [_without_size(own, b) for own, (_, b) in zip(said, matters, strict=True)]
                 said = (
-                    f"{name}: {text[a:b]}" for name, (a, b) in zip(called, matters, strict=True)
+                    f"{name}: {text[a:b]}"
+                    for name, (a, _), b in zip(called, matters, ends, strict=True)
                 )
                 said_before = (x for x in lexemes if start <= x.start and x.end <= begin)
                 before = any(x.role == "material" for x in said_before)
@@ -754,8 +784,26 @@ def _items(text: str, start: int, end: int, sign: str) -> list[Place]:
     return [m.span() for m in found if m]
 
 
-def _of_number(count: int, names: Sequence[str]) -> list[str]:
-    """The parts, if so many, or else those of the only name that so many have."""
+def _without_size(item: Sequence[Lexeme], end: int) -> int:
+    """Where the matter of an item ends, before its thickness: "glass 6", but "NBR 70"."""
+    if [x.role for x in item] != ["material", "digits"] or len(item[1].text) > _SIZE:
+        return end
+    return end if item[0].value.category == "elastomer" else item[0].end
+
+
+def _of_number(count: int, names: Sequence[str], counted: re.Match | None) -> list[str]:
+    """The parts that have the numbers that are ``counted``.
+
+    Or all, if so many, or else those of the only name that so many have.
+    """
+    wanted = range(int(counted[1]), int(counted[2]) + 1) if counted else range(count)
+    if len(wanted) != count:
+        return []
+    for at in (0, -1) if counted else ():
+        digits = {name: re.findall(r"\d+", name) for name in names}
+        own = [[n for n, d in digits.items() if d and int(d[at]) == k] for k in wanted]
+        if all(len(each) == 1 for each in own):
+            return [each[0] for each in own]
     if len(names) == count:
         return [*names]
     kinds: dict[Phrase, list[str]] = {}
@@ -793,37 +841,56 @@ def _cells(line: str, sign: str, most: int = 0) -> Sequence[str]:
 
 # Numbers whose units stand once, before them: "mat card (GPa / kg/m3): pin 210 / 7850; tray ...".
 
-_FIGURE = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
-_PRESSURE = r"[kMG]?Pa|k?N/mm(?:\^?2|²)|[kM]?psi|[kM]si"
-_DENSITY = r"k?g/[cd]?m\^?[³3]|t/m\^?[³3]|g/cc|pcf|lbs?/(?:cu\.? ?)?(?:in|ft)\^?[³3]?"
-_HEADING = re.compile(
-    rf"(?:(?<=[Uu]nits are )|(?<=[Uu]nits: )|(?=E ?[(\[])|(?=[(\[]))(?:E ?(?:in)? ?)?[(\[]?"
-    rf"(?:E ?(?:in)? ?)?({_PRESSURE})[)\]]? ?([/,;|]|and) ?"
-    rf"(?:(?:rho|ρ|density|w) ?(?:in)? ?)?[(\[]?({_DENSITY})[)\]]?(?=[^\d:\n]*:|[)\]]?\s)"
+_CALLED_E = r"(?i:e[- ]?mod\w*|(?:young\S* )?modul\w*|m[oó]dulos?|E)"
+_CALLED_RHO = r"(?:(?i:rho|dens\w*|dicht\w*|masse vol\w*)\.?|ρ|w)"
+_LABEL = re.compile(
+    rf"(?<![\w.])(?<!\d )(?:(?:{_CALLED_E}[, ]*(?:in )?)?[(\[]?(?P<E>{_PRESSURE})[)\]]?"
+    rf"|(?:{_CALLED_RHO}[, ]*(?:in )?)?[(\[]?(?P<rho>{_DENSITY})[)\]]?"
+    r"|(?P<nu>nu|ν|(?i:poisson\w*)))(?!\w)"
 )
+_ANNOUNCED = re.compile(rf"(?:{_CALLED_E}|{_CALLED_RHO})\W|[(\[]|(?<=[Uu]nits are )|(?<=[Uu]nits: )")
+_AND = r"(?:\s*[/;|]\s*|\s*,\s+|\s+(?:and|und|et|y)\s+)"
+_VALUE = rf"(\d{{1,3}}(?: \d{{3}})+(?![\d,])|{_DECIMAL}(?<!\.))"
+_IN_A_ROW = re.compile(r"(?:[;|/,\t]|\s{2})\s*$")  # before a column's name
 
 
 def _under_units(text: str) -> str:
-    """The text with the units of a heading behind each of its pairs of numbers."""
-    head = _HEADING.search(text)
-    if head is None:
-        return text
-    E, sign, rho = head.groups()
-    sign = "/" if sign == "and" else sign
-    rest = re.sub(
-        rf"(?<![\w.,])({_FIGURE}) ?{re.escape(sign)} ?({_FIGURE})(?![\w%]|[.,]\d)",
-        lambda m: f"E = {m[1]} {E}, rho = {m[2]} {rho}",
-        text[head.end() :],
-    )
-    return text[: head.start()] + rest
+    """The text with the units of a heading behind each of its numbers, or of its pairs of them."""
+    heads = list[list[re.Match]]()
+    for m in _LABEL.finditer(text):
+        gap = text[heads[-1][-1].end() : m.start()] if heads else "-"
+        if re.fullmatch(rf"{_AND}[(\[]?", gap):
+            heads[-1].append(m)
+        else:
+            heads.append([m])
+    heads = [
+        own for own in heads
+        if _ANNOUNCED.match(text, own[0].start()) and len({m.lastgroup for m in own}) == len(own)
+        and not _IN_A_ROW.search(text[: own[0].start()])
+        and text[own[-1].end() :][:2].lstrip(")] ").startswith(":") >= (len(own) == 1)
+    ]  # fmt: skip
+    end = len(text)
+    for own in reversed(heads):
+        values = re.sub(
+            rf"(?<![\w.,]){_AND.join([_VALUE] * len(own))}(?![\w%]|[.,]\d| ?(?:[mc]m|%))",
+            lambda m, own=own: ", ".join(
+                f"{label.lastgroup} = {n} {label[label.lastgroup].replace('nu', '')}".strip()
+                for n, label in zip(m.groups(), own, strict=True)
+            ),
+            text[own[-1].end() : end],
+        )
+        text, end = text[: own[0].start()] + values + text[end:], own[0].start()
+    return text
 
 
 # Numbers beside each other, of which one says its unit or name: "68.9 GPa / 0.33 / 2.70".
 
-_BETWEEN = r"(?:\s*[/|&]\s*|\s*[,;]\s+|\s+and\s+|\s*\(\s*|\s+(?=0?\.\d))"
+_BETWEEN = (
+    r"(?:\s*[/|&]\s*|\s*[,;]\s+|\s+and\s+|\s*\(\s*"
+    rf"|\s+(?=0?\.\d|{_FIGURE}\s?(?:{_DENSITY})(?!\w)))"
+)
 _SAID_E, _SAID_RHO = r"(?<!\w)E\s?[=:]?\s?", r"(?<!\w)(?:rho|ρ|density)\s?[=:]?\s?"
 _NAMED = r"(?:nu|ν|v|pr|poisson\w*|rho|ρ|density)\s?[=:]?\s?"
-_DECIMAL = rf"(?:\d+,\d+|{_FIGURE})"
 _LABELLED = (
     rf"(?:{_NAMED})?{_DECIMAL}(?:\s?(?:{_DENSITY})(?!\w)"
     r"|(?![\w%°×€\"”µ-]|[.,]\d|\s?(?:[^\W\d_]|[°%±×€\"”-])))"
@@ -832,7 +899,7 @@ _GROUP = re.compile(
     rf"(?<![\w.,])(?P<E>{_FIGURE}\s?(?P<unit>{_PRESSURE}))(?P<rest>(?:{_BETWEEN}{_LABELLED}){{1,2}})"
 )
 _OF_GROUP = re.compile(rf"({_BETWEEN})({_NAMED})?({_DECIMAL})(\s?(?:{_DENSITY})(?!\w))?")
-_NO_MODULUS = re.compile(r"(?i)(?:strength|stress|yield|tensile|uts|rm|re|rp0[.,]2|load)\W*$")
+_NO_MODULUS = re.compile(r"(?i)(?:strength|stress|yield|tensile|load|\b(?:uts|rm|re|rp0[.,]2))\W*$")
 _BARE_E = re.compile(
     rf"(?<![\w.])([Ee]\s?[=:]?\s?)({_FIGURE})(?=\s*[,;/ ]\s*(?:nu|ν|v|pr)\s?[=:]?\s?0?\.\d)"
 )
@@ -841,10 +908,10 @@ _SHEAR = re.compile(
     rf"(?=[,;/ ]+(?:nu|ν|v|(?i:poisson\S*))\s?[=:]?\s?({_FIGURE}))"
 )
 _IN_A_SYSTEM = re.compile(
-    rf"(?<![\w.,])(?P<E>{_FIGURE})\s?[/,;]\s?(?P<nu>0?\.\d+)\s?[/,;]\s?"
-    r"(?P<rho>\d[\d.]*[eE]-\d+)(?![\w.])"
-    rf"|\bro[\s=]+(?P<rho_2>{_FIGURE})[,\s]+e[\s=]+(?P<E_2>{_FIGURE})"
-    rf"[,\s]+pr[\s=]+(?P<nu_2>{_FIGURE})"
+    rf"(?<![\w.,])(?:E ?[=:]? ?)?(?P<E>{_FIGURE})\s?[/,;]\s?(?:nu ?[=:]? ?)?(?P<nu>0?\.\d+)"
+    r"\s?[/,;]\s?(?:rho ?[=:]? ?)?(?P<rho>\d[\d.]*[eE]-\d+)(?: \(t/mm3\))?(?![\w.])"
+    rf"|(?i:\bro)[\s=]+(?P<rho_2>{_FIGURE})[,\s]+[eE][\s=]+(?P<E_2>{_FIGURE})"
+    rf"[,\s]+(?i:pr)[\s=]+(?P<nu_2>{_FIGURE})"
 )
 _STIFF = 600  # GPa: more has no number without a unit
 _HEAVY = re.compile(rf"[^;\n]*?{_SAID_RHO}({_FIGURE})(?!\s?[a-zA-Z])")
@@ -862,9 +929,10 @@ def _grouped(text: str) -> str:
             return m[0]
         out, imperial = m["E"], m["unit"].endswith("si")
         nu = False  # Poisson's ratio is said
+        inside = text[: m.start()].endswith("(") and text[m.end() : m.end() + 1] == ")"
         for sign, name, figure, unit in _OF_GROUP.findall(m["rest"]):
             value, label = float(figure.replace(",", ".")), name
-            tabled = nu or "/" in sign or "|" in sign
+            tabled = nu or {"/", "|", "and"} & {sign.strip()} or inside
             if name or unit:
                 nu |= name[:1] in ("n", "ν", "v", "p")
             elif 0 < value < 0.5 and not (imperial and nu):
@@ -873,7 +941,7 @@ def _grouped(text: str) -> str:
                 label, unit = "rho = ", " lb/in3"
             elif 0.5 <= value < 23 and ("." in figure or "," in figure) and tabled:
                 label, unit = "rho = ", " g/cm3"
-            elif 400 <= value < 23e3 and tabled:
+            elif (10 if nu and tabled else 400) <= value < 23e3 and tabled:
                 label, unit = "rho = ", " kg/m3"
             parted = label != name or "/" in sign  # "0.32 / 1.75" may be a range
             out += f"{', ' if parted else sign}{label}{figure}{unit}"
@@ -924,6 +992,7 @@ _SYSTEMS = (
     ((3e-5, 3e-3), 6894.757, 10686895.0),  # in, lbf s2/in, s, psi
     ((1.0, 3e4), 1.0, 1.0),  # SI
 )
+_KIP, _KIPS = re.compile(r"(?i)\bkips?\b"), ((0.0, 0.0), 6894757.0, 1.0686895e10)  # kip, in, s
 _SOFTEST, _STIFFEST = 500.0, 2e12  # Pa
 _COMMENT = re.compile(r"^\s*(?:\*\*|\$|!|#|//|C )\s*(.*)$")
 _MAT1 = r"MAT1\*?[,\s]\s*\d+\s*[,\s][-+.,\s\d]"
@@ -934,8 +1003,14 @@ _BEGUN = re.compile(rf"(?im)^(?:\*MAT|MP,|\w+\s*=\s*DEFI_MATERIAU|{_MAT1})")
 _ANSYS = re.compile(rf"(?i)^MP,\s*(EX|PRXY|NUXY|DENS),\s*(\d+),\s*({_FIGURE})")
 _LS_DYNA = re.compile(r"(?i)^\*MAT_(?!ADD)\w+")
 _ABAQUS = re.compile(r"(?i)^\*MATERIAL\b.*?NAME\s*=\s*[\"']?([^\"',]+)")
+# Who has a material: "*SOLID SECTION, ELSET=RIB, MATERIAL=ALU"; a part's name, its own number, its
+# section's and its material's
+_SECTION = re.compile(
+    r"(?im)^\*\w+ SECTION\b(?=.*ELSET ?= ?([^,\n]+))(?=.*MATERIAL ?= ?([^,\n]+)).*$"
+    r"|^\*PART\b.*\n(?:\$.*\n)*(.+)\n(?:\$.*\n)*\s*\d+[,\s]+\d+[,\s]+(\d+).*$"
+)
 _PROSE = re.compile(r"[a-z]{2}|(?:[^\W\d_]{2,}\W+){2}[^\W\d_]{2}")  # no card is so
-_IN_DECK = re.compile(r"(?i)\*|MAT\d|MP,|\w+\s*=\s*DEFI_MATERIAU")
+_IN_DECK = re.compile(rf"(?i)\*|MAT\d|MP,|\w+\s*=\s*DEFI_MATERIAU|{_FIGURE}[,\s]*[-=]>")
 _KEYWORD = re.compile(r"(?i)^\*(ELASTIC|DENSITY)\b")
 _ASTER = re.compile(r"(?i)^(\w+)\s*=\s*DEFI_MATERIAU\s*\((.*)\)")
 _GIVEN = re.compile(rf"(?i)\b(E|NU|RHO)\s*=\s*({_FIGURE})")
@@ -963,12 +1038,17 @@ def _system_of(rho: float) -> tuple[tuple[float, float], float, float] | None:
 def _decks(text: str, names: Collection[str]) -> str:
     """The text with a sentence in place of each material's cards; bare numbers in their units."""
     text = _CONTINUED.sub(lambda m: f"{m[1]} " if m[1] else "\n", _LISTED.sub(_as_cards, text))
-    text = _OPENSEES.sub(r"\nMAT1,\1,\2,,\3,\4\n", text)
+    text = _OPENSEES.sub(r"\nMAT1,\1,\2,,\3,\4 $\5\n", _ELEMENT.sub(_of_element, text))
+    text = _OF_KEYWORD.sub("\n", _KEYWORDS.sub("\n", text))
+    text = re.sub(r"(?im)^MPDATA,(\w+),(\w+),\d*,", r"MP,\1,\2,", text)
     if not _BEGUN.search(text):
-        return _referred(*_definitions(_in_units(text), names))
+        return _in_units(text)
     text = _REMARK.sub(_before_its_card, text)
-    lines = text.splitlines()
-    cards, called = [*_cards(lines)], dict[str, list[str]]()
+    called = dict[str, list[str]]()
+    for m in _SECTION.finditer(text):
+        called.setdefault(m[2] or m[4], []).append((m[1] or m[3]).strip())
+    lines = _SECTION.sub("", text).splitlines()
+    cards = [*_cards(lines)]
     comments = [found[1] for found in map(_COMMENT.match, lines) if found]
     for m in (m for comment in comments for m in _CALLED.finditer(comment)):
         called.setdefault(m[1] or m[4], []).append((m[2] or m[3]).strip().replace(" + ", " and "))
@@ -985,8 +1065,9 @@ def _decks(text: str, names: Collection[str]) -> str:
         and line.lower() not in low
     ]  # fmt: skip
     out, defined = list[str](), dict[str, str]()
+    parts = {word for name in names for word in part_name_words(name)}
     for key, numbers, number_of in cards:
-        system = _system_of(numbers.get("rho", 0))
+        system = _KIPS if _KIP.search(text) else _system_of(numbers.get("rho", 0))
         if system is None and "E" in numbers:
             system = (0, 0), 1.0 if numbers["E"] > 1e8 else 1e6 if _UNITS.search(text) else 0.0, 0.0
         E = numbers.get("E", 0.0) * system[1] if system else 0.0
@@ -999,20 +1080,31 @@ def _decks(text: str, names: Collection[str]) -> str:
             values = [f"{measure} = {value:.10g}" for measure, value in numbers.items()]
         if not numbers:
             continue
-        if key in called or not any(_is_key(one, said) for one in (key, number_of) if one):
-            named = dict.fromkeys(called.get(key, [key]))
+        named = dict.fromkeys(one for by in (key, number_of) for one in called.get(by, ()))
+        if named or not any(_is_key(one, said) for one in (key, number_of) if one):
+            named = named or {key: None}
             out += [f"{name}: {', '.join(values)};" for name in named]
         else:
             defined |= dict.fromkeys(filter(None, (key, number_of)), ", ".join(values))
+            out += [f"{key}: {', '.join(values)};"] * (not parts.isdisjoint(part_name_words(key)))
     return "\n".join([*out, _referred("\n".join(said), defined)])
 
 
 # Materials that a text defines and gives to parts by their numbers or names: "M1: E = 210 GPa;
 # bucket M1", "base plate is mid 2", "shell -> 1".
 
+_LIBRARY = (
+    r"(?i:mid|mat(?:erial)?|card|karte|werkstoff|matière|mat[ée]riau|material id)(?: (?:no|nr)\.?)?"
+)
 _DEFINED = re.compile(
-    r"(?<![\w-])(?:(?i:mid|mat(?:erial)?) ?#?(?=\d)|M(?=\d)|MAT_)(\w{1,8}) ?(?:[:=]|(?<=#\d)) ?"
-    r"((?:[^;\n.(]|\([^)]*\)|\.(?=\d|\w))+?) ?(?:;|\.(?=\s|$)|\n|$|\s/\s)"
+    rf"(?:\*MAT_\w+ )?(?<![\w-])(?:{_LIBRARY} ?#?(?=\d|[A-F]\b)|M(?=\d)|MAT_|#(?=\d)"
+    r"|(?=[A-Z1-9]\)|[A-Z] ?= ?E\W))(?P<key>\w{1,8})"
+    r" ?(?:[:=)]|(?<=#\d)) ?(?P<said>(?=[\w(])(?:[^;\n.(→]|\([^)]*\)|\.(?=\d|\w))+?)"
+    rf" ?(?:;|\.(?=\s|$)|\n|$|\s/\s|,(?= {_LIBRARY} ?#?\w{{1,8}} ?[:=])|(?=\s[A-Z1-9]\)\s)|(?P<arrow>--?>|=>|→))"
+    # "white parts are PLA, the black ones PETG"
+    r"|(?<![\w-])(?i:(?:(?:all|the) )*)(?P<sort>\w+) (?:parts|ones|pieces|bodies|components)"
+    r" (?:(?:is|are|in|of|made|from) )*(?P<of>[^,;.:\n]+?)"
+    r"(?:[,;.\n]|(?= and (?:the )?\w+ ones))"
 )
 _VERBS = re.compile(
     r"(?i)^(?:(?:is|are|goes|go|for|on|takes?|uses?|the|to|gets?)\b|=|->|:|\s)+"
@@ -1023,25 +1115,37 @@ _VERBS = re.compile(
 def _definitions(text: str, names: Collection[str]) -> tuple[str, dict[str, str]]:
     """A text without the materials that it defines and gives to parts, and these by their keys."""
     called = {word for name in names for word in part_name_words(name)}
-    found = [
-        m for m in _DEFINED.finditer(text)
-        if re.search(r"\d", m[2]) and not {"mat", "material", f"m{m[1].lower()}"} & called
-    ]  # fmt: skip
-    rest = text
-    for m in reversed(found):
-        rest = rest[: m.start()] + rest[m.end() :].lstrip("/ ")
-    keys = {m[1]: m[2] for m in found}
-    if len(keys) < 2 or len(keys) < len(found) or not all(_is_key(k, [rest]) for k in keys):
+    keys, rest, at = dict[str, str](), "", 0
+    for m in _DEFINED.finditer(text):
+        key, said = m["key"] or m["sort"], m["said"] or m["of"]
+        if m["sort"] and not _is_key(key, [text[m.end() :]]):
+            continue
+        part = {"mat", "material", f"m{key.lower()}"} & called
+        if key in keys or part or not (re.search(r"\d", said) or m["sort"] or _row(said, called)):
+            return text, {}
+        keys[key] = said.strip()
+        # "card 1: E = 210 GPa -> both rails" defines, and gives to these
+        gives = m["arrow"] and not re.match(r"[^,;.\n]*[=:]", text[m.end() :])
+        rest += text[at : m.start()].rstrip("/ ") + f" mat {key} ->" * bool(gives)
+        at = m.end()
+    rest += text[at:]
+    if len(keys) < 2 or not all(_is_key(k, [rest]) for k in keys):
         return text, {}
     return rest, keys
 
 
+def _row(said: str, called: Collection[str]) -> bool:
+    """Whether words that define a key are of a matter, and of no part."""
+    return called.isdisjoint(re.findall(r"\w+", said.lower()))
+
+
 class _Keyed(NamedTuple):
-    """Parts, the key of their material, and whether a sign said that it is one."""
+    """Parts, the key of their material, if a sign said that it is one, and if it stands first."""
 
     parts: str
     key: str
     signed: bool
+    first: bool
 
 
 def _keyed(chunk: str, keys: Collection[str], *, signed: bool) -> _Keyed | None:
@@ -1052,23 +1156,25 @@ def _keyed(chunk: str, keys: Collection[str], *, signed: bool) -> _Keyed | None:
     spelt = (r"[ _-]".join(map(re.escape, re.split(r"[ _-]", key))) for key in keys)
     named = "|".join(sorted(spelt, key=len, reverse=True))
     sign = (
-        r"(?P<sign>(?:\b(?:mid|mat(?:erial)?|PID) ?#?|\bM(?=\d)|\bMAT_|#"
+        rf"(?P<sign>(?:\b(?:{_LIBRARY}|PID) ?#?|\bM(?=\d)|\bMAT_|#"
         r"|(?:->|→|[=:]|\btakes?|\buses?) ?))"
     )
-    chunk = re.sub(r"\s*\((?!M\d|MAT|mat|mid)[^()]*\)$", "", chunk)
+    chunk = re.sub(r"\s*\((?!M\d|MAT|mat|mid)[^()]*\)$|,? (?:too|also|as well)$", "", chunk)
     found = re.search(rf"(?i)(?:{sign}|(?<![\w.]))(?P<key>{named})\)?$", chunk)
-    if found and found["key"].isdigit() and not (found["sign"] or signed):
+    bare = found is not None and re.fullmatch(r"\d+|\w", found["key"])
+    if bare and not (found["sign"] or signed):
         found = None
     found = found or re.search(
         rf"(?i)^{sign}?(?P<key>{named})"
-        r"(?= (?:goes|is|are|for|on|=|->)\b| ?(?:=|->)|(?<=\d) [^\W\d])",
+        r"(?= (?:goes|is|are|for|on)\b| ?(?:=|->|:)|(?<=\d) [^\W\d])",
         chunk,
     )
     if found is None:
         return None
     parts = f"{chunk[: found.start()].rstrip('(')} {chunk[found.end() :]}"
     parts = _VERBS.sub("", _VERBS.sub("", parts.strip()))
-    return _Keyed(parts, _spelt(found["key"]), bool(found["sign"])) if parts else None
+    first = not chunk[: found.start()].strip()
+    return _Keyed(parts, _spelt(found["key"]), bool(found["sign"]), first) if parts else None
 
 
 def _spelt(key: str) -> str:
@@ -1079,7 +1185,7 @@ def _chunks(text: str, keys: Collection[str]) -> Iterator[list[str]]:
     """What the sentences of a text say one after another, split behind a key too."""
     named = "|".join(map(re.escape, keys))
     for sentence in re.split(r"(?<=[;.\n])\s+|\n", text):
-        parted = re.sub(rf"(?i)(?<=\w )((?:M|MAT_|mid |mat )(?:{named})) and ", r"\1, ", sentence)
+        parted = re.sub(rf"(?i)(?<=\w )((?:M|MAT_|{_LIBRARY} )(?:{named})) and ", r"\1, ", sentence)
         cut = re.split(r"[;,.](?=\s|$)(?![^()]*\))", parted)
         yield [c.strip() for c in cut if c.strip()]
 
@@ -1095,15 +1201,21 @@ def _referred(text: str, defined: Mapping[str, str]) -> str:
     if not defined:
         return text
     by_key, out = {_spelt(key): said for key, said in defined.items()}, list[str]()
-    for chunks in _chunks(text, defined):
-        waiting, signed = list[str](), False  # parts before the one that the key stands beside
+    every = [*_chunks(text, defined)]
+    found = [_keyed(chunk, defined, signed=True) for chunks in every for chunk in chunks]
+    bare = not any(one.signed for one in found if one)  # "plate 1, arm 2", and no key has a sign
+    for chunks in every:
+        # Parts before the one that the key stands beside; whether others may follow
+        waiting, signed, first = list[str](), bare, False
         for chunk in chunks:
             if found := _keyed(chunk, defined, signed=signed):
                 parts = ", ".join([*waiting, found.parts]).replace("+", " and ")
                 out.append(f"{parts}: {by_key[found.key]};")
-                waiting, signed = [], signed or found.signed
+                waiting, signed, first = [], signed or found.signed, found.first
             elif re.search(r"\d|\b(?:is|are)\b", chunk):
                 out, waiting = [*out, *(f"{w}," for w in waiting), f"{chunk};"], []
+            elif first:  # "mat 1 -> shell, lid"
+                out[-1] = f"{chunk}, {out[-1]}"
             else:
                 waiting.append(chunk)
         out += [f"{w};" for w in waiting]
@@ -1111,9 +1223,18 @@ def _referred(text: str, defined: Mapping[str, str]) -> str:
 
 
 # Cards of more lines than one, or more than one in a line.
-_CONTINUED = re.compile(r"(?im)^(MAT1\*.*)\n\*(?=\s)|(?<=\d)()\s*\$(?=MP,)")
+_CONTINUED = re.compile(r"(?im)^(MAT1\*.*)\n\*(?=\s)|(?<=\d)()[^\S\n]*\$?[^\S\n]*(?=MP,)")
+_KEYWORDS = re.compile(r"(?i)(?<=\S)\s(?=\*(?:MATERIAL|ELASTIC|DENSITY)\b)")
+_OF_KEYWORD = re.compile(r"(?i)(?<=\*ELASTIC|\*DENSITY)[: ]+(?=[\d.])")
 _OPENSEES = re.compile(
-    rf"nDMaterial ElasticIsotropic (\d+) ({_FIGURE}) ({_FIGURE}) ({_FIGURE})(?: *;)?"
+    rf"nDMaterial ElasticIsotropic (\d+) ({_FIGURE}) ({_FIGURE}) ({_FIGURE})(?: *;)?(?: *#(.*))?"
+)
+# Elements of XML: FEBio's <material name="rib"><E>7e4</E></material>, <geom name= density=/>
+_ELEMENT = re.compile(
+    r"(?is)<(material|geom|link|mat)\b(?=[^>]*\bname=[\"']([^\"']+))(.*?)(?:/>|</\1>)"
+)
+_IN_ELEMENT = re.compile(
+    rf"(?i)\b(?:(E|young\w*)|(v|nu|poisson\w*)|(density|rho))(?:=[\"']|>)\s*({_FIGURE})"
 )
 # Cards within a line: "MAT1,11,70300.,,.33,2.78-9 is for the skin, MAT1,12,...".
 _LISTED = re.compile(
@@ -1125,6 +1246,15 @@ _LISTED = re.compile(
 def _as_cards(m: re.Match) -> str:
     """A card and who has it, as a comment and a card."""
     return f"\n$ {m[2].strip(' ,;')}\n{m[1]}\n"
+
+
+def _of_element(m: re.Match) -> str:
+    """An element of XML as cards of Abaqus, where it says numbers of a matter."""
+    said = {k: x[4] for x in _IN_ELEMENT.finditer(m[3]) for k in (1, 2, 3) if x[k]}
+    if not said.keys() & {1, 3}:
+        return m[0]
+    E, nu, rho = (said.get(k, "") for k in (1, 2, 3))
+    return f"\n*MATERIAL, NAME={m[2]}\n*ELASTIC\n{E}, {nu}\n*DENSITY\n{rho}\n"
 
 
 def _before_its_card(found: re.Match) -> str:
@@ -1155,9 +1285,10 @@ def _cards(lines: Sequence[str]) -> Iterator[_Card]:
             yield _Card(title or number_of, numbers, number_of)
             title = ""
         elif found := _ABAQUS.match(line):
-            numbers, kind = {}, ""
+            numbers, kind, name, given = {}, "", found[1].strip(), ""
             while at < len(lines) and not _ABAQUS.match(lines[at]):
-                row = lines[at].strip()
+                row, *parts = re.split(r"\s*(?:[-=]>|→)\s*", lines[at].strip(), maxsplit=1)
+                given = parts[0].strip(" .") if parts else given
                 at += 1
                 if row.startswith("**"):
                     continue
@@ -1169,8 +1300,11 @@ def _cards(lines: Sequence[str]) -> Iterator[_Card]:
                 kinds = ("E", "nu") if kind == "ELASTIC" else ("rho",) if kind == "DENSITY" else ()
                 numbers |= {k: n for k, n in zip(kinds, values, strict=False) if n}
                 kind = ""
-            yield _Card(re.sub(r"[_-]+", " ", found[1].strip()), numbers)
+            yield _Card(given or re.sub(r"[_-]+", " ", name), numbers, name)
         elif _LS_DYNA.match(line):
+            while at < len(lines) and lines[at].startswith("$"):
+                title = title if _SILENT.search(lines[at]) else lines[at].strip("$ ")
+                at += 1
             rows = [row.strip() for row in lines[at:] if not row.startswith("$")]
             titled = "_TITLE" in line.upper()
             for i, row in enumerate(rows[titled:]):
@@ -1181,6 +1315,7 @@ def _cards(lines: Sequence[str]) -> Iterator[_Card]:
                 kinds = zip(("rho", "E", "nu"), numbers[1:], strict=False)
                 name = rows[0] if titled else title or cells[0]
                 yield _Card(name, {k: n for k, n in kinds if n}, cells[0])
+                title = ""
         elif found := _ASTER.match(line):
             given = {m[1]: float(m[2]) for m in _GIVEN.finditer(found[2])}
             kinds = {"E": "E", "NU": "nu", "RHO": "rho"}

@@ -31,6 +31,13 @@ _MULTIPLE = re.compile(r"(?<![\w.,])(\d[\d.,]*)[ -](?i:(thousand|million|billion
 _FRACTION = re.compile(r"(?<=ratio )((?:of |is )?)(?i:(?:one|a) (third|quarter))(?!\w)")
 
 
+_EMPTY = DATA["cues"]["void"]
+_SHARES = [
+    (share, re.compile(rf"(?i)(?<!\w){said}(?=(?: (?:of|d\w+) [\w ]{{2,12}}?)? {_EMPTY})"))
+    for share, said in DATA["shares"].items()
+]
+
+
 def counted_by(text: str) -> int | None:
     """Return what digits or a word count, None where they count nothing: "4", "three"."""
     return int(text) if text.isdigit() else NUMBERS.get(text.lower())
@@ -41,7 +48,9 @@ def in_digits(text: str) -> tuple[str, dict[int, int]]:
 
     Digits stand at the end of the words' place; where such a number begins is told for each place.
     """
-    found = [match.span() for pattern in (_WORDS, _MULTIPLE) for match in pattern.finditer(text)]
+    shares = [pattern for _, pattern in _SHARES]
+    patterns = (_WORDS, _MULTIPLE, *shares)
+    found = [match.span() for pattern in patterns for match in pattern.finditer(text)]
     starts = {at: start for start, end in found for at in range(start, end)}
 
     def power(match: re.Match) -> str:  # "10 million" -> "      10e6"
@@ -60,6 +69,8 @@ def in_digits(text: str) -> tuple[str, dict[int, int]]:
             return match[0]
         return (f"{whole}." + "".join(map(str, after))).rstrip(".").rjust(len(match[0]))
 
+    for share, pattern in _SHARES:  # "zur Hälfte hohl" -> "      50 % hohl"
+        text = pattern.sub(lambda m, share=share: share.rjust(len(m[0])), text)
     return _WORDS.sub(digits, _FRACTION.sub(decimals, _MULTIPLE.sub(power, text))), starts
 
 
@@ -172,8 +183,10 @@ _LOADED = re.compile(r"(?i)pressure|load|force|torque|snow|wind")
 # Numbers without a unit that can be only one thing: an E in Pa, a density in kg/m^3 or in g/cm^3.
 _BARE = {
     "E": ((1e4, 2e12, 1.0, "Pa"),),
-    "rho": ((25.0, 23e3, 1.0, "kg/m3"), (0.3, 23.0, 1e3, "g/cm3")),
+    "rho": ((25.0, 23e3, 1.0, "kg/m3"), (0.02, 23.0, 1e3, "g/cm3")),
 }
+_POUNDS = (0.02, 0.9, 27679.9, "lb/in3")  # beside psi
+_IMPERIAL = re.compile(r"(?i)(?<![a-z])(?:[km]?psi|[km]si)(?![a-z])")
 
 
 # As programs write a material: "(7e10, 0.33, 2700)" is E [Pa], nu and rho [kg/m^3].
@@ -316,6 +329,7 @@ def _read(match: re.Match, *, cued: bool) -> Numeral | None:
     if _DIRECTED.match(said):
         note = Note("numerals.direction_same", said=said)
     bare = _BARE.get(measure, ())
+    bare = (_POUNDS, *bare) if measure == "rho" and _IMPERIAL.search(match.string) else bare
     if dimension is None and not group["share"] and bare:
         scale, unit = next(((s, u) for a, b, s, u in bare if a <= value <= b), (0.0, ""))
         value, note = value * scale, Note("numerals.unit_taken", said=said, unit=unit)
@@ -347,7 +361,7 @@ def number(text: str) -> float:
         text = f"1x{text}"
     text = re.sub(r"\s?[x×*·]\s?10\s?\^?\s?", "e", text).translate(_RAISED)
     text = re.sub(r"['   ]", "", text).rstrip(".,")
-    if re.fullmatch(r"\d{1,3}(?:,\d{3})+(?:\.\d+)?(?:e.*)?", text, re.IGNORECASE):
+    if re.fullmatch(r"(?!0,)\d{1,3}(?:,\d{3})+(?:\.\d+)?(?:e.*)?", text, re.IGNORECASE):
         text = text.replace(",", "")
     if re.fullmatch(r"\d{1,3}(?:\.\d{3}){2,}", text):
         text = text.replace(".", "")

@@ -84,6 +84,7 @@ def parse(
     _tell_compounds(lexed.lexemes, drafts)
     take_caption(drafts, lexed.lexemes)
     settle(drafts, lexed)
+    take_values(drafts)
     drafts += _filled(drafts, names, lexicon)
     unread = unread_lexemes(drafts, lexed, cascade.dropped)
     tell(unread, drafts, lexed.lexemes)
@@ -833,6 +834,17 @@ def settle(drafts: list[Draft], lexed: Lexed) -> None:
             lexed.notes.append(Note("reader.same_nothing", who=who))
         for other in alike:
             draft.like(other)
+
+
+def take_values(drafts: Sequence[Draft]) -> None:
+    """Give parts what is said of their matter alone: "Steel: 205 GPa. Frame steel, lid oak"."""
+    for one, two in pairwise([*drafts, Draft()]):
+        apart = bool(two.numbers and not (two.material or two.names))
+        values = one.numbers or two.numbers * apart
+        if one.material and not one.names and {"E", "rho"} & {q.measure for q in values}:
+            for draft in drafts:
+                if draft.names and draft.material is one.material and not draft.numbers:
+                    draft.numbers += values
 
 
 def _filled(drafts: Sequence[Draft], names: Sequence[str], lexicon: ReaderLexicon) -> list[Draft]:

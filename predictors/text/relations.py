@@ -43,20 +43,26 @@ def _data() -> dict[str, Any]:
 
 
 def relation_of(
-    said: str, own: int, labels: Sequence[Sequence[str]], before: int | None, lexicon: ReaderLexicon
-) -> Relation | None:
+    said: str, own: int, labels: Sequence[Sequence[str]], before: int | None,
+    lexicon: ReaderLexicon, context: str = "",
+) -> Relation | None:  # fmt: skip
     """Return what words say of a part beside another, None where they say nothing of the kind.
 
     said: Words of a relation.
     own: Index of the part that they are said of.
     labels: For each part its name, then all other words that the asset has for it.
     before: The part that the text speaks of last before them, for "ditto".
+    context: Words of their clause before them: "its modulus is" before "half the frame's".
     """
     data, low = _data(), said.lower()
+    near = " ".join([*context.lower().split()[-2:], low])  # "módulo diez", "veces menor"
+    times = _FACTOR.search(near) or BY_FACTOR.search(low)
+    told, share = _first(data["times"], near), _PERCENT.search(low)
     tokens = re.findall(r"[^\W\d_]+", low)
+    spoken = re.findall(r"[^\W\d_]+", context.lower()) * bool(times or told) + tokens
     measures: tuple[Literal["E", "rho"], ...] = ("E", "rho")
     begun = {
-        m: next((w for w in tokens for b in data["measured"][m] if w.startswith(b)), "")
+        m: next((w for w in spoken for b in data["measured"][m] if w.startswith(b)), "")
         for m in measures
     }
     measure = next((m for m in measures if begun[m]), None)
@@ -67,7 +73,6 @@ def relation_of(
         return Relation(other, None) if same and other is not None else None
     way = -1 if any(begun[measure].startswith(b) for b in data["less"]["of"]) else 1
     way = -way if any(w.startswith(t) for w in tokens for t in data["less"]["turns"]) else way
-    times, share = _FACTOR.search(low) or BY_FACTOR.search(low), _PERCENT.search(low)
     factor, exact = 1.0, True
     if times:
         factor = number(times[1])
@@ -75,7 +80,7 @@ def relation_of(
         part = number(share[1]) / 100
         factor = 1 + way * part if any(w in data["more"]["words"] for w in tokens) else part
         way = 1
-    elif told := _first(data["times"], low):
+    elif told:
         factor = told
     elif not {*tokens}.isdisjoint(data["more"]["equal"]):
         factor = 1.0  # "as stiff as"

@@ -454,8 +454,14 @@ def _points(bound: Bound, i: int) -> bool:
     """Whether the grammar has a part's matter from what is said of another: "same as the lid"."""
     text, clauses = bound.sentence.text, bound.sentence.clauses
     own = [clauses[k] for k in bound.parts[i].clauses]
-    strange = [c for c in own if c.phrase and c.phrase not in text[slice(*c.span)]]
-    return any(c.material == o.material for c in strange for o in clauses if o not in own)
+    others = [o for o in clauses if o not in own]
+    for clause in own:
+        said = [clause.phrase] if clause.phrase else [q.text for q in clause.numbers]
+        if said and not any(words in text[slice(*clause.span)] for words in said):
+            what = (clause.material, () if clause.phrase else clause.numbers)
+            if any(what == (o.material, what[1] and o.numbers) for o in others):
+                return True
+    return False
 
 
 def _called(name: str) -> str:
@@ -530,6 +536,10 @@ def with_second_opinion(
         torn = MANY_ROWS * (facts["grammar_rows"] > 0)
         # What is said of a third is not of a part that is as another
         torn -= facts["grammar_points"] * facts["of_another"]
+        # How many times another's E it has is more than nothing, or a strange word
+        told = [r for r in readings[1:] if any(x.exact for c in r.clauses for x in c.comparisons)]
+        grammar = ("grammar_row", "grammar_numbers", "grammar_relation")
+        torn += bool(told) and not any(facts[fact] for fact in grammar)
         best = max(readings, key=lambda r: chances[r.reader] - torn * (r.reader == "grammar"))
         chance = chances[best.reader]
         if best.reader == "grammar":
@@ -611,7 +621,8 @@ def readings_of(
     ``waiting`` are parts whose readings wait for this one's: "as the lid", "as the box".
     """
     names = [own[0] for own in labels]
-    text, said, part = bound.sentence.text, every[i], shown_name(names[i])
+    text, part = bound.sentence.text, shown_name(names[i])
+    said = _whole(every[i], bound.sentence.numbers)
     own = tuple(bound.sentence.clauses[k] for k in bound.parts[i].clauses)
     language = bound.sentence.language
     readings = [Reading("grammar", own)]
@@ -636,7 +647,7 @@ def readings_of(
     if beside and beside.comparison:
         told = _related(said, text)
         clause = Clause(told, (0, 0), Subject("none"), comparisons=(beside.comparison,))
-        read = (*(c for c in read if not c.comparisons), clause)
+        read = (*(c for c in read if (c.material or c.numbers) and not c.comparisons), clause)
     elif beside and beside.other not in waiting:  # the same matter
         others, _ = readings_of(beside.other, bound, every, labels, table, waiting | {i})
         by = {r.reader: r.clauses for r in others}
@@ -672,7 +683,8 @@ def _compared(
     }
     filled = {r.reader: {c.filling for c in r.clauses} for r in readings}
     one_matter = bool(rows.get("words")) and rows["words"] == rows["grammar"]
-    if one_matter and all(of["words"] <= of["grammar"] for of in (stated, filled)):
+    beside = {r.reader: {x for c in r.clauses for x in c.comparisons} for r in readings}
+    if one_matter and all(of["words"] <= of["grammar"] for of in (stated, filled, beside)):
         readings = [r for r in readings if r.reader != "words"]  # the same matter, and no more
 
     def alike(a: str, b: str) -> float:
@@ -865,6 +877,17 @@ def _without_idle(
     return Bound(sentence, parts, tuple(unbound), tuple(mute))
 
 
+def _whole(said: Said, numbers: Sequence[Place]) -> Said:
+    """What is said with numbers as wholes: with the word that says what they are, and the unit."""
+    found = list[Words]()
+    for words in said.words:
+        own = [x for x in numbers if over(x, words[1:]) and words.role in ("matter", "number")]
+        start, end = min([words.start, *(a for a, _ in own)]), max([words.end, *(b for _, b in own)])
+        start = max(start, found[-1].end if found else 0)
+        found += [Words(words.role, start, end)] if start < end else []
+    return replace(said, words=tuple(found))
+
+
 def _words(said: Said, text: str) -> str:
     """Words that speak of a part's matter as one phrase, with the signs that stand between them."""
     runs: dict[str, list[str]] = {}
@@ -903,8 +926,8 @@ def _related(said: Said, text: str) -> str:
     if not spans:
         return ""
     (start, _), (_, end) = spans[0], spans[-1]
-    factor = BY_FACTOR.match(text, end)
-    return text[start : factor.end() if factor else end]
+    factor = BY_FACTOR.search(text, start)  # "stiffer by a", "factor of 20"
+    return text[start : factor.end() if factor and factor.start() <= end else end]
 
 
 def _beside(
@@ -915,9 +938,11 @@ def _beside(
     if not told:
         return None
     at = next(start for role, start, _ in every[i].words if role == "relation")
+    context = re.split(r"[.;,\n](?=\s|$)", text[:at])[-1]
     ends = [
         (w.end, j) for j, said in enumerate(every) if j != i
         for w in said.words if w.role in ("matter", "number") and w.end <= at
     ]  # fmt: skip
     only = 1 - i if len(labels) == 2 else None
-    return relation_of(told, i, labels, max(ends)[1] if ends else only, lexicon_of(table))
+    before = max(ends)[1] if ends else only
+    return relation_of(told, i, labels, before, lexicon_of(table), context)

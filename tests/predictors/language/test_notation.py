@@ -380,3 +380,134 @@ def test_a_list_by_position_leaves_what_stands_before_it(clauses_of):
     found = clauses_of(text, ["lid", "legs", "seat", "back"])
     rows = [TABLE.phrases[row].name for row in ("oak", "steel", "brass", "glass")]
     assert [found[name][0].material for name in found] == rows
+
+
+KEYED = [
+    "Card 1: RO 7.85e-9, E 210000, PR 0.3 -> BasePlate and the ribs. Card 2: RO 2.7e-9, E 70000, "
+    "PR 0.33 -> top cover.",
+    "Mat 1: E 210 GPa, nu 0,3, rho 7,85 g/cm3 / Mat 2: E 70 GPa, nu 0,33, rho 2,7 g/cm3 --> "
+    "BasePlate = 1, rib_L = 1, rib_R = 1, TopCover = 2",
+    "MID;NAME;E[MPa];NU;RHO[t/mm3]\n1;ST;210000;0.3;7.85e-9\n2;AL;70000;0.33;2.7e-9\n"
+    "MID 1 -> base plate, ribs; MID 2 -> top cover",
+    "mat,E_MPa,nu,rho_kgm3\nst,210000,0.3,7850\nal,70000,0.33,2700\n\n"
+    "BasePlate=st, ribs=st, TopCover=al",
+    "Werkstoff A: E 210 GPa, nu 0.3, 7850 kg/m3. Werkstoff B: E 70 GPa, nu 0.33, 2700 kg/m3. "
+    "Base plate and ribs: A; TopCover: B.",
+    "#1 E=210 GPa nu=0.3 rho=7850; #2 E=70 GPa nu=0.33 rho=2700. base plate #1, ribs #1, "
+    "top cover #2",
+    "Steel: 210 GPa, nu 0.3, 7850 kg/m3. Aluminium: 70 GPa, nu 0.33, 2700 kg/m3. "
+    "Base plate and ribs steel, top cover aluminium.",
+    "MP,EX,1,210e3  MP,PRXY,1,0.3  MP,DENS,1,7.85e-9  ! base plate and ribs, mm-t-s\n"
+    "MP,EX,2,70e3 MP,PRXY,2,0.33 MP,DENS,2,2.7e-9 ! top cover",
+    "MPDATA,EX,1,1,210e3\nMPDATA,PRXY,1,1,.3\nMPDATA,DENS,1,1,7.85e-9\nMPDATA,EX,2,1,70e3\n"
+    "MPDATA,PRXY,2,1,.33\nMPDATA,DENS,2,1,2.7e-9\n! mat 1 = base plate and ribs, mat 2 = top cover",
+    "*MATERIAL, NAME=ST\n*ELASTIC\n210000., 0.3\n*DENSITY\n7.85E-9\n*MATERIAL, NAME=AL\n*ELASTIC\n"
+    "70000., 0.33\n*DENSITY\n2.7E-9\n*SOLID SECTION, ELSET=BASEPLATE, MATERIAL=ST\n"
+    "*SOLID SECTION, ELSET=RIBS, MATERIAL=ST\n*SOLID SECTION, ELSET=TOPCOVER, MATERIAL=AL",
+    "*MATERIAL, NAME=ST *ELASTIC 210000., 0.3 *DENSITY 7.85E-9 -> base plate, ribs. "
+    "*MATERIAL, NAME=AL *ELASTIC 70000., 0.33 *DENSITY 2.7E-9 -> top cover.",
+    "*PART\nbase plate\n1,1,1\n*PART\nribs\n2,1,1\n*PART\ntop cover\n3,1,2\n*MAT_ELASTIC\n"
+    "1,7.85e-9,210000.,0.3\n*MAT_ELASTIC\n2,2.7e-9,70000.,0.33",
+    "*MAT_ELASTIC\n$ base plate and ribs\n1, 7.85e-9, 210000, 0.3\n*MAT_ELASTIC\n$ top cover\n"
+    "2, 2.7e-9, 70000, 0.33",
+    "nDMaterial ElasticIsotropic 1 210e9 0.3 7850; # base plate and ribs\n"
+    "nDMaterial ElasticIsotropic 2 70e9 0.33 2700; # top cover",
+    '<material id="1" name="BasePlate and ribs"><density>7.85e-9</density><E>210000</E><v>0.3</v>'
+    '</material>\n<material id="2" name="TopCover" E="70000" v="0.33" density="2.7e-9"/>',
+]
+
+
+@pytest.mark.parametrize("text", KEYED)
+def test_a_key_is_a_card_a_letter_a_matter_or_a_name(text):
+    found = values(text, ["BasePlate", "rib_L", "rib_R", "TopCover"])
+    for name, wanted in zip(found, (STEEL, STEEL, STEEL, ALU), strict=True):
+        assert found[name] == pytest.approx(wanted, rel=1e-9), name
+
+
+def test_parts_of_a_sort_have_its_matter(agree):
+    agree(r"""
+The grey parts are aluminium, the red ones nylon. Grey: hub and nut. Red: lid. => hub, nut: aluminium; lid: nylon
+All cast parts are bronze and the turned ones are brass. Hub is cast, lid and nut are turned. => hub: bronze; lid, nut: brass
+""")  # noqa: E501
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "module (MPa) / masse vol. (kg/m3) : skin 58 000 / 1510 ; core 90 / 80",
+        "E-Modul in MPa / Dichte in kg/m3: skin 58000 / 1510, core 90 / 80",
+        "módulo (GPa) y densidad (g/cm3): skin 58 y 1,51; core 0,09 y 0,08",
+        "rho (kg/m3) / E (GPa): skin 1510 / 58; core 80 / 0.09",
+        "(E in N/mm², Dichte in g/cm³): skin 58000; 1,51. Core 90; 0,08",
+        "all moduli in GPa, densities in kg/m3. skin 58, 1510; core 0.09, 80",
+        "E in GPa: skin 58, core 0.09. rho in kg/m3: skin 1510, core 80",
+        "skin module 58000 MPa, densite 1,51; core E = 90 MPa, dens. 80",
+        "skin: 58 GPa / 0.3 / 1510; core: 0.09 GPa / 0.3 / 80",
+    ],
+)
+def test_numbers_have_the_units_of_their_heading(text):
+    """In four languages, one measure or two, in either order; bare densities are kg/m3 or g/cm3."""
+    found = values(text, ["skin", "core"])
+    assert (found["skin"]["E"], found["skin"]["rho"]) == pytest.approx((5.8e10, 1510))
+    assert (found["core"]["E"], found["core"]["rho"]) == pytest.approx((9e7, 80))
+
+
+def test_a_bare_density_beside_psi_is_in_pounds():
+    found = values("rib: E 10.3e6 psi, rho 0.098; lid: E 70 GPa, rho 0.9", ["rib", "lid"])
+    assert found["rib"]["rho"] == pytest.approx(2712.6, rel=1e-4)
+
+
+COUNTED = [
+    "discs 1 to 3 from the top: brass, PTFE, steel; lid oak",
+    "Disc 1-3: brass, PTFE, steel. The lid is oak.",
+    "Numbers 1 to 3 of the drawing: brass, PTFE, steel. The lid is oak",
+    "discs, outside to inside: brass 6, PTFE 1.52, steel 3; lid oak",
+    "discos de fuera hacia dentro: latón 6, PTFE 1.52, acero 3; lid: roble",
+    "Disc 1 bis 3 von oben: Messing, PTFE, Stahl; lid: Eiche",
+    "disques 1 à 3, de l'extérieur vers l'intérieur : laiton, PTFE, acier ; lid : chêne",
+]
+
+
+@pytest.mark.parametrize("text", COUNTED)
+def test_numbers_or_a_way_through_the_parts_tell_an_order(clauses_of, text):
+    """A thickness behind a matter is no number of it."""
+    names = ["disc_1", "disc_2", "disc_3", "lid"]
+    found = clauses_of(text, names)
+    rows = [TABLE.phrases[row].name for row in ("brass", "ptfe", "steel", "oak")]
+    assert [[c.material for c in found[name]] for name in names] == [[row] for row in rows]
+    assert not any(c.numbers for name in names for c in found[name])
+
+
+def test_numbers_count_the_parts_of_their_kind(clauses_of):
+    names = ["disc_1", "disc_2", "disc_3", "gear_1", "gear_2", "gear_3"]
+    found = clauses_of("discs 1-3: brass, PTFE, NBR 70; gears 1-3: steel, oak, glass", names)
+    rows = [TABLE.phrases[r].name for r in ("brass", "ptfe", "nbr", "steel", "oak", "glass")]
+    assert [found[name][0].material for name in names] == rows
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "BasePlate E = 210[GPa], nu = 0.3, rho = 7850[kg/m^3]; TopCover E = 70[GPa], nu = 0.33, "
+        "rho = 2700[kg/m^3]",
+        '{"BasePlate": {"E_GPa": 210, "nu": 0.3, "rho": 7850}, '
+        '"TopCover": {"E_GPa": 70, "nu": 0.33, "rho": 2700}}',
+        "BasePlate 210 GPa 7.85 g/cm3 0.3; TopCover 70 GPa 2.7 g/cm3 0.33",
+    ],
+)
+def test_programs_write_units_and_names_in_their_way(text):
+    found = values(text, ["BasePlate", "TopCover"])
+    assert found["BasePlate"] == pytest.approx(STEEL, rel=1e-9)
+    assert found["TopCover"] == pytest.approx(ALU, rel=1e-9)
+
+
+def test_a_deck_may_be_in_kips():
+    text = "# kip, in, s\nnDMaterial ElasticIsotropic 1 29000. 0.30 7.35e-7 # rib\n"
+    found = values(text, ["rib", "lid"])["rib"]
+    assert found == pytest.approx({"E": 1.99948e11, "nu": 0.3, "rho": 7854.9}, rel=1e-4)
+
+
+def test_a_title_that_is_a_part_and_a_key_is_both():
+    deck = "*MAT_ELASTIC_TITLE\nrails\n1, 7.85e-6, 210., .3\n*MAT_ELASTIC_TITLE\nlid\n"
+    found = values(f"{deck}2, 2.7e-6, 70., .33\ndoor uses rails", ["rail_1", "lid", "door"])
+    assert found["rail_1"]["E"] == found["door"]["E"] == pytest.approx(2.1e11)

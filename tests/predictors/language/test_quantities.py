@@ -3,7 +3,9 @@
 import re
 
 import pytest
-from autophyx_tet.predictors.text.reader import parse
+from autophyx_tet.fem.table import load_table
+from autophyx_tet.predictors.resolve.resolve import Lookup
+from autophyx_tet.predictors.text.reader import parse, read_sentence
 
 
 def test_numbers_are_si(clauses_of):
@@ -190,3 +192,32 @@ def test_respectively_gives_each_its_own(clauses_of):
         found = clauses_of(text, ["leg", "seat"])
         moduli = [[q.value for q in found[part][0].numbers] for part in ("leg", "seat")]
         assert moduli == [[12e9], [3e9]], text
+
+
+@pytest.mark.parametrize(
+    ("said", "share", "power"),
+    [
+        ("hollowed out, about 60 % of it is air", 0.4, 1),
+        ("60 % of the blank is air", 0.4, 1),
+        ("40 % empty", 0.6, 1),
+        ("half of it is hollow", 0.5, 1),
+        ("zur Hälfte hohl", 0.5, 1),
+        ("à moitié creux", 0.5, 1),
+        ("50 % de huecos", 0.5, 1),
+        ("40 % porosity", 0.6, 2),
+        ("Porosität 40 %", 0.6, 2),
+    ],
+)
+def test_air_in_large_cells_goes_with_what_is_left_in_small_ones_with_its_square(said, share, power):
+    """Of a box whose walls bear along them E is in proportion, of open cells it is the square."""
+    lookup = Lookup(table=load_table())
+    for solid in ("bronze", "bronze, E = 100 GPa, rho = 8800 kg/m3"):
+        labels, values = [["horse"], ["plinth"]], {}
+        for text in (solid, f"{solid}, {said}"):
+            bound = read_sentence(f"the horse is {text}; plinth oak", labels, lookup.table)
+            values[text] = lookup.settle(labels, bound).choices[0].value
+        whole, rest = values.values()
+        if power == 1 or "E" not in solid:
+            assert rest.rho == pytest.approx(share * whole.rho, rel=1e-12)
+            assert rest.E == pytest.approx(share**power * whole.E, rel=1e-12)
+            assert rest.nu == whole.nu

@@ -3,7 +3,9 @@
 import pytest
 from autophyx_tet.fem.table import load_table
 from autophyx_tet.predictors.text.materials import lexicon_of
+from autophyx_tet.predictors.text.reader import read_sentence
 from autophyx_tet.predictors.text.relations import relation_of
+from autophyx_tet.predictors.text.tagger import with_second_opinion
 
 LEXICON = lexicon_of(load_table())
 LABELS = [["Rib"], ["plate"], ["pad_A"]]
@@ -66,3 +68,54 @@ def test_the_same_as_what_came_before(words):
     """The part before, and nothing where there is none."""
     assert relation_of(words, 0, LABELS, PAD, LEXICON) == (PAD, None)
     assert relation_of(words, 0, LABELS, None, LEXICON) is None
+
+
+@pytest.mark.parametrize(
+    ("context", "words", "factor"),
+    [
+        ("its modulus is", "half the plate's", 0.5),
+        ("the modulus of the rib is", "three times that of the plate", 3),
+        ("el módulo de la nervadura es", "el doble que el de la placa", 2),
+        ("Rib: módulo diez", "veces menor que el de la placa", 0.1),
+        ("rigidité", "moitié de celle de la plaque", 0.5),
+        ("E-Modul", "dreimal so hoch wie bei der Platte", 3),
+    ],
+)
+def test_what_is_measured_may_stand_before(context, words, factor):
+    found = relation_of(words, 0, LABELS, None, LEXICON, context)
+    assert (found.other, found.comparison.measure) == (PLATE, "E")
+    assert found.comparison.factor == pytest.approx(factor)
+
+
+def test_a_modulus_is_so_many_times_another_parts(clauses_of):
+    for said in ("we only know that its modulus is 3x the lid's", "the modulus is half that of the lid"):
+        text, factor = f"The lid is oak, the box steel. For the shim {said}.", 3 if "3x" in said else 0.5
+        (found,) = (c for c in clauses_of(text, ["lid", "box", "shim"])["shim"] if c.comparisons)
+        assert [(x.measure, x.factor, x.other) for x in found.comparisons] == [("E", factor, ("lid",))]
+
+
+def test_a_relation_is_more_than_nothing():
+    labels = [["Wanne"], ["Rippen"], ["Deckel"]]
+    text = "Wanne PP, E 1,5 GPa; Deckel Eiche; Rippen mit dreifachem E-Modul der Wanne"
+    table = load_table()
+    bound = with_second_opinion(read_sentence(text, labels, table), labels, table)
+    said = [bound.sentence.clauses[k] for k in bound.parts[1].clauses]
+    assert [x.factor for c in said for x in c.comparisons] == [3.0]
+
+
+@pytest.mark.parametrize(
+    "said",
+    [
+        "lid: ditto", "lid likewise", "Deckel desgleichen", "Deckel genauso", "Deckel gleich wie Rahmen",
+        "Deckel: siehe oben", "couvercle idem", "le couvercle de même", "tapa ídem", "tapa lo mismo",
+    ],
+)  # fmt: skip
+def test_the_same_has_the_numbers_too(said):
+    first = {"D": "Rahmen", "c": "cadre", "l": "cadre", "t": "marco"}[said[0]]
+    first = "frame" if said.startswith("lid") else first
+    names = [first, next(w for w in ("lid", "Deckel", "couvercle", "tapa") if w in said), "Fuss"]
+    labels, table = [[name] for name in names], load_table()
+    text = f"{first}: E = 70 GPa, rho = 2700 kg/m3; {said}; Fuss: PTFE"
+    bound = with_second_opinion(read_sentence(text, labels, table), labels, table)
+    own = [bound.sentence.clauses[k] for k in bound.parts[1].clauses]
+    assert {(q.measure, q.value) for c in own for q in c.numbers} == {("E", 7e10), ("rho", 2700)}
