@@ -61,7 +61,8 @@ SETS = (
     "twentieth_engineers", "twentieth_trades", "twentieth_languages",
     "twentyfirst_engineers", "twentyfirst_trades", "twentyfirst_languages",
     "twentysecond_engineers", "twentysecond_trades", "twentysecond_languages",
-    # Written for development, and never held out: seven of engineers, two of other languages, two of trades.
+    # Written for development, and never held out: seven of engineers, two of other languages,
+    # two of trades.
     *(f"development_{letter}" for letter in "abcdefghijk"),
 )  # fmt: skip
 EXACT = 1e-4  # stated numbers come out as stated; who converted psi by hand kept five digits

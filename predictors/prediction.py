@@ -103,7 +103,9 @@ class PartChoice:
     def is_cellular(self) -> bool:
         """Whether it is cells of its row, as a print or a foam is: lighter than any such matter."""
         kinds = {getattr(line, "kind", "") for line in self.derivation}
-        return not kinds.isdisjoint(f"numbers.{k}" for k in ("infill_pa", "void", "hollow", "cells"))
+        return not kinds.isdisjoint(
+            f"numbers.{k}" for k in ("infill_pa", "void", "hollow", "cells")
+        )
 
     @property
     def warnings(self) -> tuple[str, ...]:

@@ -371,7 +371,11 @@ def _of_mass(
     low, high = CATEGORIES[row.category].rho
     if low <= rho <= high and (not named or _near(row.rho, rho)):
         how.append(Note("numbers.rho_kg", rho=rho, text=mass.text, volume=volume))
-        if named and row.category in SOLID and not row.rho.min / GRADES < rho < row.rho.max * GRADES:
+        if (
+            named
+            and row.category in SOLID
+            and not row.rho.min / GRADES < rho < row.rho.max * GRADES
+        ):
             odd = {"part": part, "text": mass.text, "volume": volume, "rho": rho}
             warnings.append(Note("numbers.part_mass", **odd, name=row.name, **row.rho._asdict()))
         return value._replace(rho=rho)

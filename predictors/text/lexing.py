@@ -710,7 +710,9 @@ _SIGNS = (
     rf"{_COMMA}|(?<=\s)(?:and|und|et|y|then|dann|puis)(?=\s)", _COMMA, r"(?<=\s)/(?=\s)", r"\|"
 )  # fmt: skip
 _WORDED, _LAST_NUMBER = re.compile(r"[^\W\d_]"), re.compile(r"\d+$")
-_COUNTED = re.compile(r"(?<![\w.,])(\d\d?) ?(?:to|bis|à|al?|through|thru|-|–|\.\.+) ?(\d\d?)(?![\w.,]\w)")
+_COUNTED = re.compile(
+    r"(?<![\w.,])(\d\d?) ?(?:to|bis|à|al?|through|thru|-|–|\.\.+) ?(\d\d?)(?![\w.,]\w)"
+)
 _SIZE = 4  # letters of a number that may be a thickness: "1.52"
 _LEAST = 3  # things of two lists that are taken for one where no order is told
 
@@ -744,7 +746,9 @@ def _by_position(text: str, names: Sequence[str], lexicon: ReaderLexicon) -> str
             if numbered and (last := _LAST_NUMBER.search(called[0])):
                 called = [called[0], *(called[0][: last.start()] + n for n in called[1:])]
             said = [[x for x in lexemes if over(item, (x.start, x.end))] for item in matters]
-            named = any(x.part and x.role not in ("material", "digits") for own in said for x in own)
+            named = any(
+                x.part and x.role not in ("material", "digits") for own in said for x in own
+            )
             strange = int(head > begin)  # where no list of parts stands before it, all are known
             if called and not named and _is_each(said, strange):
                 ends = [_without_size(own, b) for own, (_, b) in zip(said, matters, strict=True)]
@@ -848,7 +852,9 @@ _LABEL = re.compile(
     rf"|(?:{_CALLED_RHO}[, ]*(?:in )?)?[(\[]?(?P<rho>{_DENSITY})[)\]]?"
     r"|(?P<nu>nu|ν|(?i:poisson\w*)))(?!\w)"
 )
-_ANNOUNCED = re.compile(rf"(?:{_CALLED_E}|{_CALLED_RHO})\W|[(\[]|(?<=[Uu]nits are )|(?<=[Uu]nits: )")
+_ANNOUNCED = re.compile(
+    rf"(?:{_CALLED_E}|{_CALLED_RHO})\W|[(\[]|(?<=[Uu]nits are )|(?<=[Uu]nits: )"
+)
 _AND = r"(?:\s*[/;|]\s*|\s*,\s+|\s+(?:and|und|et|y)\s+)"
 _VALUE = rf"(\d{{1,3}}(?: \d{{3}})+(?![\d,])|{_DECIMAL}(?<!\.))"
 _IN_A_ROW = re.compile(r"(?:[;|/,\t]|\s{2})\s*$")  # before a column's name
@@ -1100,7 +1106,8 @@ _DEFINED = re.compile(
     rf"(?:\*MAT_\w+ )?(?<![\w-])(?:{_LIBRARY} ?#?(?=\d|[A-F]\b)|M(?=\d)|MAT_|#(?=\d)"
     r"|(?=[A-Z1-9]\)|[A-Z] ?= ?E\W))(?P<key>\w{1,8})"
     r" ?(?:[:=)]|(?<=#\d)) ?(?P<said>(?=[\w(])(?:[^;\n.(→]|\([^)]*\)|\.(?=\d|\w))+?)"
-    rf" ?(?:;|\.(?=\s|$)|\n|$|\s/\s|,(?= {_LIBRARY} ?#?\w{{1,8}} ?[:=])|(?=\s[A-Z1-9]\)\s)|(?P<arrow>--?>|=>|→))"
+    rf" ?(?:;|\.(?=\s|$)|\n|$|\s/\s|,(?= {_LIBRARY} ?#?\w{{1,8}} ?[:=])|(?=\s[A-Z1-9]\)\s)"
+    r"|(?P<arrow>--?>|=>|→))"
     # "white parts are PLA, the black ones PETG"
     r"|(?<![\w-])(?i:(?:(?:all|the) )*)(?P<sort>\w+) (?:parts|ones|pieces|bodies|components)"
     r" (?:(?:is|are|in|of|made|from) )*(?P<of>[^,;.:\n]+?)"

@@ -882,7 +882,10 @@ def _whole(said: Said, numbers: Sequence[Place]) -> Said:
     found = list[Words]()
     for words in said.words:
         own = [x for x in numbers if over(x, words[1:]) and words.role in ("matter", "number")]
-        start, end = min([words.start, *(a for a, _ in own)]), max([words.end, *(b for _, b in own)])
+        start, end = (
+            min([words.start, *(a for a, _ in own)]),
+            max([words.end, *(b for _, b in own)]),
+        )
         start = max(start, found[-1].end if found else 0)
         found += [Words(words.role, start, end)] if start < end else []
     return replace(said, words=tuple(found))

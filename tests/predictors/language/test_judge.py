@@ -152,9 +152,9 @@ def test_a_part_that_is_as_another_is_not_of_a_thirds_matter():
 @pytest.mark.parametrize(
     ("text", "parts", "row"),
     [
-        ("main hull veg tan leather, buckles brass; strap is cotton webbing", "buckle flap strap", "vegetable-tanned leather"),
+        ("main hull veg tan, buckles brass; strap is cotton", "buckle flap strap", "veg tan"),
         ("the lid is oak; it was the knob he skimped on, that one is brass", "lid knob", "brass"),
-        ("an egg of chocolate. The holder under it is not edible, its pewter", "egg egg_holder", "pewter"),
+        ("egg chocolate. The stand under it is not edible, its pewter", "egg egg_stand", "pewter"),
     ],
 )  # fmt: skip
 def test_what_is_given_to_all_and_heard_for_one_part_is_of_that_part(text, parts, row):
@@ -162,4 +162,4 @@ def test_what_is_given_to_all_and_heard_for_one_part_is_of_that_part(text, parts
     labels = [[name] for name in parts.split()]
     bound = judge.with_second_opinion(read_sentence(text, labels, TABLE), labels, TABLE)
     assert {"name"} == {*bound.parts[1].how}
-    assert rows(bound)[1] == {row}
+    assert rows(bound)[1] == {TABLE.phrases[row].name}

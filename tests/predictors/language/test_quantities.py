@@ -208,7 +208,9 @@ def test_respectively_gives_each_its_own(clauses_of):
         ("Porosität 40 %", 0.6, 2),
     ],
 )
-def test_air_in_large_cells_goes_with_what_is_left_in_small_ones_with_its_square(said, share, power):
+def test_air_in_large_cells_goes_with_what_is_left_in_small_ones_with_its_square(
+    said, share, power
+):
     """Of a box whose walls bear along them E is in proportion, of open cells it is the square."""
     lookup = Lookup(table=load_table())
     for solid in ("bronze", "bronze, E = 100 GPa, rho = 8800 kg/m3"):

@@ -88,10 +88,18 @@ def test_what_is_measured_may_stand_before(context, words, factor):
 
 
 def test_a_modulus_is_so_many_times_another_parts(clauses_of):
-    for said in ("we only know that its modulus is 3x the lid's", "the modulus is half that of the lid"):
-        text, factor = f"The lid is oak, the box steel. For the shim {said}.", 3 if "3x" in said else 0.5
+    for said in (
+        "we only know that its modulus is 3x the lid's",
+        "the modulus is half that of the lid",
+    ):
+        text, factor = (
+            f"The lid is oak, the box steel. For the shim {said}.",
+            3 if "3x" in said else 0.5,
+        )
         (found,) = (c for c in clauses_of(text, ["lid", "box", "shim"])["shim"] if c.comparisons)
-        assert [(x.measure, x.factor, x.other) for x in found.comparisons] == [("E", factor, ("lid",))]
+        assert [(x.measure, x.factor, x.other) for x in found.comparisons] == [
+            ("E", factor, ("lid",))
+        ]
 
 
 def test_a_relation_is_more_than_nothing():
@@ -106,8 +114,9 @@ def test_a_relation_is_more_than_nothing():
 @pytest.mark.parametrize(
     "said",
     [
-        "lid: ditto", "lid likewise", "Deckel desgleichen", "Deckel genauso", "Deckel gleich wie Rahmen",
-        "Deckel: siehe oben", "couvercle idem", "le couvercle de même", "tapa ídem", "tapa lo mismo",
+        "lid: ditto", "lid likewise", "Deckel desgleichen", "Deckel genauso",
+        "Deckel gleich wie Rahmen", "Deckel: siehe oben", "couvercle idem",
+        "le couvercle de même", "tapa ídem", "tapa lo mismo",
     ],
 )  # fmt: skip
 def test_the_same_has_the_numbers_too(said):
