@@ -709,6 +709,7 @@ _COMMA = r",(?!\d)"
 _SIGNS = (
     rf"{_COMMA}|(?<=\s)(?:and|und|et|y|then|dann|puis)(?=\s)", _COMMA, r"(?<=\s)/(?=\s)", r"\|"
 )  # fmt: skip
+_OF_THINGS = (*_SIGNS, "/")  # "shell/lid/base: 304, PA6, cork"
 _WORDED, _LAST_NUMBER = re.compile(r"[^\W\d_]"), re.compile(r"\d+$")
 _COUNTED = re.compile(
     r"(?<![\w.,])(\d\d?) ?(?:to|bis|à|al?|through|thru|-|–|\.\.+) ?(\d\d?)(?![\w.,]\w)"
@@ -730,7 +731,7 @@ def _by_position(text: str, names: Sequence[str], lexicon: ReaderLexicon) -> str
         heads = [m.span() for m in _BEFORE_LIST.finditer(plain, start, end)] or [(start, start)]
         begins = [start, *(after for _, after in heads[:-1])]  # "from left: a, b = oak, pine"
         cuts = zip(begins, heads, strict=True)
-        for (begin, (head, after)), sign, other in product(cuts, _SIGNS, _SIGNS):
+        for (begin, (head, after)), sign, other in product(cuts, _OF_THINGS, _SIGNS):
             things, matters = _items(plain, begin, head, sign), _items(plain, after, end, other)
             listed = len(things) == len(matters) >= (2 if told else _LEAST)
             counted = None if listed else _COUNTED.search(plain, begin, head)  # "discs 1 to 4"

@@ -84,6 +84,10 @@ def question(names: Sequence[str], i: int) -> str:
     return f"{shown_name(names[i])} [SEP] " + ", ".join(dict.fromkeys(others))
 
 
+def _numbers_in(text: str) -> set[int]:
+    return {int(digits) for digits in re.findall(r"\d+", text) if digits.isdecimal()}
+
+
 def asked(question: Sequence[int], text: Sequence[int]) -> tuple[list[int], int]:
     """Tokens of a question and a text, and how many of them stand before the text."""
     head = [CLS, *question[:LONGEST_QUESTION], SEP]
@@ -158,13 +162,13 @@ class Tagger(MiniLM):
 
         Of a text of another language its English ``gloss`` is asked about too, and the mean taken.
         """
-        said, names = {*re.findall(r"\d+", text)}, without_prefix(names)
+        said, names = _numbers_in(text), without_prefix(names)
         if len(names) > MANY:  # those that only a number tells apart are asked about once
-            names = [n if {*re.findall(r"\d+", n)} & said else _LAST.sub("", n) for n in names]
+            names = [n if _numbers_in(n) & said else _LAST.sub("", n) for n in names]
         questions = [question(names, i) for i in range(len(names))]
         # So are fewer, by the first of them, of a text that tells none of them apart
         alike: dict[str, str] = {}
-        if not said & {*re.findall(r"\d+", " ".join(questions))} and not _APART.search(text):
+        if not said & _numbers_in(" ".join(questions)) and not _APART.search(text):
             questions = [alike.setdefault(_DIGITS.sub("", q), q) for q in questions]
         asks, words = [*dict.fromkeys(questions)], words_of(text)
         found = self._of_words(asks, text, words)
@@ -543,7 +547,7 @@ def with_second_opinion(
         best = max(readings, key=lambda r: chances[r.reader] - torn * (r.reader == "grammar"))
         chance = chances[best.reader]
         if best.reader == "grammar":
-            doubts = () if chance > judge.doubted else _doubts_of(best, readings, text, said)
+            doubts = _doubts_of(best, readings, text, said, likely=chance > judge.doubted)
             plain = chance > judge.plain
             own, how = parts[i]
             if facts["same"] and facts["heard"] and chance > judge.doubted:
@@ -583,6 +587,8 @@ def with_second_opinion(
         if facts["of_none"] and not facts["grammar"]:
             note = Note("tagger.of_none", words=text[slice(*whole)], part=names[i])
             found = [replace(c, doubts=(*c.doubts, note)) for c in found]
+        opened = _doubts_of(best, readings, text, said, likely=True) if found else ()
+        found = [replace(c, doubts=(*c.doubts, *opened)) for c in found]
         again = [d for k in parts[i].clauses for d in clauses[k].doubts]
         again = [d for d in again if _kind(d) == "reader.again"]
         again = [d for d in again if not _is_settled(d, chance > judge.plain, i, every)]
@@ -803,12 +809,16 @@ def _subject(name: str) -> Subject:
 
 
 def _doubts_of(
-    taken: Reading, readings: Sequence[Reading], text: str, said: Said
+    taken: Reading, readings: Sequence[Reading], text: str, said: Said, *, likely: bool
 ) -> tuple[Note, ...]:
-    """What is told of the grammar's reading where it is likely wrong."""
+    """What is told of the grammar's reading where it is not likely, or another matter is heard."""
+    phrase = next((c.phrase or c.text for c in taken.clauses), "")
     if any(c.doubts or c.unknown for c in taken.clauses):
         return ()
-    phrase = next((c.phrase or c.text for c in taken.clauses), "")
+    if likely:
+        others = (text[start:end] for role, start, end in said.words if role == "alternative")
+        others = [words for words in others if phrase and words not in phrase]
+        return (Note("tagger.differs", words=others[0], phrase=phrase),) if others else ()
     words = _words(said, text)
     other = any(r.reader != "grammar" for r in readings) and words != phrase
     if other and words:

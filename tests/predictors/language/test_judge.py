@@ -163,3 +163,21 @@ def test_what_is_given_to_all_and_heard_for_one_part_is_of_that_part(text, parts
     bound = judge.with_second_opinion(read_sentence(text, labels, TABLE), labels, TABLE)
     assert {"name"} == {*bound.parts[1].how}
     assert rows(bound)[1] == {TABLE.phrases[row].name}
+
+
+def test_a_second_matter_that_is_left_open_is_told():
+    labels = [["body"], ["handle"]]
+    text = "What is the body of, was it porcelain or the buff stoneware? The handle is bamboo."
+    bound = judge.with_second_opinion(read_sentence(text, labels, TABLE), labels, TABLE)
+    body, handle = ([bound.sentence.clauses[k] for k in part.clauses] for part in bound.parts)
+    assert any("stoneware" in str(doubt) for clause in body for doubt in clause.doubts)
+    assert not any(clause.doubts for clause in handle)
+
+
+def test_numbers_of_parts_are_alike_with_and_without_noughts():
+    """Of "layer_01" and "layer_02" the text's "01" and "02" are told apart."""
+    labels = [["layer_01"], ["layer_02"], ["layer_03"]]
+    text = "layer_01: gelcoat; layer_02: glass/polyester laminate; layer_03: balsa core"
+    bound = judge.with_second_opinion(read_sentence(text, labels, TABLE), labels, TABLE)
+    first, second, third = rows(bound)
+    assert len(first | second | third) == len(first) + len(second) + len(third) == 3

@@ -237,6 +237,7 @@ def test_a_list_that_keeps_an_order_names_the_parts(clauses_of, told, order):
     [
         ("ring, ball, cage: 100Cr6, Si3N4, PA66", "ring ball cage"),
         ("ring / ball / cage -> 100Cr6 / Si3N4 grade 5 / PA66", "ring ball cage"),
+        ("ring/ball/cage: 100Cr6, Si3N4, PA66", "ring ball cage"),
         ("Rings, balls and cage (in that order): 100Cr6, Si3N4 and PA66. Cheap", "ring ball cage"),
         ("ring, ball and cage are 100Cr6, Si3N4 and PA66 respectively", "ring ball cage"),
         ("ring, ball and cage: 100Cr6, Si3N4 and PA66 in that order", "ring ball cage"),

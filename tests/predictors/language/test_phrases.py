@@ -18,7 +18,7 @@ NEW = {
     "UNS S32654": STEEL,
     "Stahlblech verzinkt 2 mm": STEEL,
     "chêne massif huilé": (0.9e10, 1.5e10, 600, 800),
-    "Buchensperrholz": (0.5e10, 1.5e10, 600, 850),
+    "Buchensperrholzplatte": (0.5e10, 1.5e10, 600, 850),
     "Ti-6Al-4V ELI gr 23": (1.03e11, 1.22e11, 4380, 4480),
     "lambswool felt": (1e5, 1e8, 60, 500),
 }  # fmt: skip
