@@ -6,10 +6,10 @@ values and the doubts about words are scored. All in one process: 40 ms a senten
 words leave parts open and the network is asked, minutes in all. What stands on the line beside the
 options here goes to `assign` (``--predictor retrieval``).
 
-One set served to build the reader. Each later one (``second`` to ``twentieth``) was written
+One set served to build the reader. Each later one (``second`` to ``twentysecond``) was written
 before the reader was run on it, and then served to mend it: ``held_out`` after it had been scored
-twelve times, the tenth to twentieth, by three hands each, after once. Sets that are held out, those
-in ``data/held_out``, are scored with ``--held-out`` alone; every such look is written down in
+twelve times, the tenth to twenty-second, by three hands each, after once. Sets that are held out,
+those in ``data/held_out``, are scored with ``--held-out`` alone; every such look is written down in
 ``data/held_out_looks.jsonl``, and their rows say how many there were. Their sentences are never
 listed. The files say how they were written.
 
