@@ -203,7 +203,6 @@ def with_numbers(
         skin = said["skin"].value if "skin" in said else USUAL_SKIN
         value, line = of_infill(value, said["infill"].value, within(skin) if within else 0.0)
         how.append(line)
-    left = 0.0  # of the volume of a hollow thing
     if "void" in said:
         share = 1 - said["void"].value
         if _CELLULAR.search(row.name):  # its values have cells already, and of how much is unknown
@@ -211,7 +210,6 @@ def with_numbers(
         else:
             if _HOLLOW.search(said["void"].text):
                 value, line = hollowed(value, share)
-                left = share
             else:
                 value, _ = of_infill(value, share)
                 line = Note("numbers.void", share=share, e=value.E, rho=value.rho)
@@ -239,8 +237,6 @@ def with_numbers(
     if named and "E" in exact and not row.E.min / ODD < exact["E"] < row.E.max * ODD:
         odd = {"part": part, "text": said["E"].text, "name": row.name, **row.E._asdict()}
         warnings.append(Note("numbers.part_odd", **odd))
-    if left and _near(row.rho, dense):  # they are of the solid
-        exact |= {name: left * exact[name] for name in ("E", "rho") if name in exact}
     if exact:
         how.append(", ".join(said[name].text for name in exact) + " as said")
     value = value._replace(**exact)

@@ -712,7 +712,8 @@ _SIGNS = (
 _OF_THINGS = (*_SIGNS, "/")  # "shell/lid/base: 304, PA6, cork"
 _WORDED, _LAST_NUMBER = re.compile(r"[^\W\d_]"), re.compile(r"\d+$")
 _COUNTED = re.compile(
-    r"(?<![\w.,])(\d\d?) ?(?:to|bis|à|al?|through|thru|-|–|\.\.+) ?(\d\d?)(?![\w.,]\w)"
+    r"(?<![\w.,])(\d\d?) ?(?:to|bis|à|al?|through|thru|-|–|\.\.+) ?(\d\d?)(?!\w|[.,]\w)"
+    r"(?! ?(?:[µmck]?m|in|kg|g|[kMG]?Pa|%|°)(?!\w))"
 )
 _SIZE = 4  # letters of a number that may be a thickness: "1.52"
 _LEAST = 3  # things of two lists that are taken for one where no order is told
@@ -735,6 +736,8 @@ def _by_position(text: str, names: Sequence[str], lexicon: ReaderLexicon) -> str
             things, matters = _items(plain, begin, head, sign), _items(plain, after, end, other)
             listed = len(things) == len(matters) >= (2 if told else _LEAST)
             counted = None if listed else _COUNTED.search(plain, begin, head)  # "discs 1 to 4"
+            if counted and int(counted[2]) - int(counted[1]) + 1 != len(matters):
+                counted = None
             if len(matters) < 2 or not (told or listed or counted):
                 continue
             lexemes = lexemes or lex(text, lexicon, names).lexemes
@@ -857,7 +860,8 @@ _ANNOUNCED = re.compile(
     rf"(?:{_CALLED_E}|{_CALLED_RHO})\W|[(\[]|(?<=[Uu]nits are )|(?<=[Uu]nits: )"
 )
 _AND = r"(?:\s*[/;|]\s*|\s*,\s+|\s+(?:and|und|et|y)\s+)"
-_VALUE = rf"(\d{{1,3}}(?: \d{{3}})+(?![\d,])|{_DECIMAL}(?<!\.))"
+_VALUE = rf"(\d{{2,3}}(?: \d{{3}})+(?![\d,])|{_DECIMAL}(?<!\.))"
+_HEADED = re.compile(r"[)\]]?(?:[^\d:;,.\n]*:|\.?\s)")
 _IN_A_ROW = re.compile(r"(?:[;|/,\t]|\s{2})\s*$")  # before a column's name
 
 
@@ -872,16 +876,17 @@ def _under_units(text: str) -> str:
             heads.append([m])
     heads = [
         own for own in heads
-        if _ANNOUNCED.match(text, own[0].start()) and len({m.lastgroup for m in own}) == len(own)
+        if _ANNOUNCED.match(text, own[0].start())
+        and len({m.lastgroup for m in own}) == len(own) > 1
         and not _IN_A_ROW.search(text[: own[0].start()])
-        and text[own[-1].end() :][:2].lstrip(")] ").startswith(":") >= (len(own) == 1)
+        and _HEADED.match(text, own[-1].end())
     ]  # fmt: skip
     end = len(text)
     for own in reversed(heads):
         values = re.sub(
-            rf"(?<![\w.,]){_AND.join([_VALUE] * len(own))}(?![\w%]|[.,]\d| ?(?:[mc]m|%))",
+            rf"(?<![\w.,-]){_AND.join([_VALUE] * len(own))}(?![\w%]|[.,-]\d| ?(?:[mc]m|%))",
             lambda m, own=own: ", ".join(
-                f"{label.lastgroup} = {n} {label[label.lastgroup].replace('nu', '')}".strip()
+                f"{label.lastgroup} = {n} {label['E'] or label['rho'] or ''}".strip()
                 for n, label in zip(m.groups(), own, strict=True)
             ),
             text[own[-1].end() : end],
@@ -999,7 +1004,8 @@ _SYSTEMS = (
     ((3e-5, 3e-3), 6894.757, 10686895.0),  # in, lbf s2/in, s, psi
     ((1.0, 3e4), 1.0, 1.0),  # SI
 )
-_KIP, _KIPS = re.compile(r"(?i)\bkips?\b"), ((0.0, 0.0), 6894757.0, 1.0686895e10)  # kip, in, s
+_KIP = re.compile(r"(?i)\bkips?[-, /]+(?:in|inch)|\bunits?\b[^\n]*\bkips?\b")
+_KIPS = (0.0, 0.0), 6894757.0, 1.0686895e10  # kip, in, s
 _SOFTEST, _STIFFEST = 500.0, 2e12  # Pa
 _COMMENT = re.compile(r"^\s*(?:\*\*|\$|!|#|//|C )\s*(.*)$")
 _MAT1 = r"MAT1\*?[,\s]\s*\d+\s*[,\s][-+.,\s\d]"
@@ -1129,7 +1135,11 @@ def _definitions(text: str, names: Collection[str]) -> tuple[str, dict[str, str]
         if m["sort"] and not _is_key(key, [text[m.end() :]]):
             continue
         part = {"mat", "material", f"m{key.lower()}"} & called
-        if key in keys or part or not (re.search(r"\d", said) or m["sort"] or _row(said, called)):
+        if (
+            key in keys
+            or part
+            or not (re.search(r"\d", said) or m["sort"] or _is_of_matter(said, called))
+        ):
             return text, {}
         keys[key] = said.strip()
         # "card 1: E = 210 GPa -> both rails" defines, and gives to these
@@ -1142,9 +1152,9 @@ def _definitions(text: str, names: Collection[str]) -> tuple[str, dict[str, str]
     return rest, keys
 
 
-def _row(said: str, called: Collection[str]) -> bool:
+def _is_of_matter(said: str, called: Collection[str]) -> bool:
     """Whether words that define a key are of a matter, and of no part."""
-    return called.isdisjoint(re.findall(r"\w+", said.lower()))
+    return {*called}.isdisjoint(re.findall(r"\w+", said.lower()))
 
 
 class _Keyed(NamedTuple):
@@ -1222,7 +1232,7 @@ def _referred(text: str, defined: Mapping[str, str]) -> str:
                 waiting, signed, first = [], signed or found.signed, found.first
             elif re.search(r"\d|\b(?:is|are)\b", chunk):
                 out, waiting = [*out, *(f"{w}," for w in waiting), f"{chunk};"], []
-            elif first:  # "mat 1 -> shell, lid"
+            elif first and " " not in chunk.removeprefix("the "):  # "mat 1 -> shell, lid"
                 out[-1] = f"{chunk}, {out[-1]}"
             else:
                 waiting.append(chunk)

@@ -31,9 +31,9 @@ _MULTIPLE = re.compile(r"(?<![\w.,])(\d[\d.,]*)[ -](?i:(thousand|million|billion
 _FRACTION = re.compile(r"(?<=ratio )((?:of |is )?)(?i:(?:one|a) (third|quarter))(?!\w)")
 
 
-_EMPTY = DATA["cues"]["void"]
+_AIRY = DATA["hollow"]["shared"]
 _SHARES = [
-    (share, re.compile(rf"(?i)(?<!\w){said}(?=(?: (?:of|d\w+) [\w ]{{2,12}}?)? {_EMPTY})"))
+    (share, re.compile(rf"(?i)(?<!\w){said}(?=(?: (?:of|d\w+) [\w ]{{2,12}}?)? {_AIRY})"))
     for share, said in DATA["shares"].items()
 ]
 
@@ -183,10 +183,11 @@ _LOADED = re.compile(r"(?i)pressure|load|force|torque|snow|wind")
 # Numbers without a unit that can be only one thing: an E in Pa, a density in kg/m^3 or in g/cm^3.
 _BARE = {
     "E": ((1e4, 2e12, 1.0, "Pa"),),
-    "rho": ((25.0, 23e3, 1.0, "kg/m3"), (0.02, 23.0, 1e3, "g/cm3")),
+    "rho": ((25.0, 23e3, 1.0, "kg/m3"), (0.3, 23.0, 1e3, "g/cm3")),
 }
 _POUNDS = (0.02, 0.9, 27679.9, "lb/in3")  # beside psi
 _IMPERIAL = re.compile(r"(?i)(?<![a-z])(?:[km]?psi|[km]si)(?![a-z])")
+_STOP = re.compile(r"[;\n]|\.(?=\s|$)")
 
 
 # As programs write a material: "(7e10, 0.33, 2700)" is E [Pa], nu and rho [kg/m^3].
@@ -329,7 +330,9 @@ def _read(match: re.Match, *, cued: bool) -> Numeral | None:
     if _DIRECTED.match(said):
         note = Note("numerals.direction_same", said=said)
     bare = _BARE.get(measure, ())
-    bare = (_POUNDS, *bare) if measure == "rho" and _IMPERIAL.search(match.string) else bare
+    before, after = (_STOP.split(x) for x in (match.string[:start], match.string[start:]))
+    imperial = measure == "rho" and _IMPERIAL.search(before[-1] + after[0])
+    bare = (_POUNDS, *bare) if imperial else bare
     if dimension is None and not group["share"] and bare:
         scale, unit = next(((s, u) for a, b, s, u in bare if a <= value <= b), (0.0, ""))
         value, note = value * scale, Note("numerals.unit_taken", said=said, unit=unit)

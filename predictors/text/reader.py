@@ -841,7 +841,8 @@ def take_values(drafts: Sequence[Draft]) -> None:
     for one, two in pairwise([*drafts, Draft()]):
         apart = bool(two.numbers and not (two.material or two.names))
         values = one.numbers or two.numbers * apart
-        if one.material and not one.names and {"E", "rho"} & {q.measure for q in values}:
+        alone = one.material and one.scope == "none"
+        if alone and {"E", "rho"} & {q.measure for q in values}:
             for draft in drafts:
                 if draft.names and draft.material is one.material and not draft.numbers:
                     draft.numbers += values

@@ -55,16 +55,22 @@ def relation_of(
     context: Words of their clause before them: "its modulus is" before "half the frame's".
     """
     data, low = _data(), said.lower()
-    near = " ".join([*context.lower().split()[-2:], low])  # "módulo diez", "veces menor"
+    joined = context.rstrip()[-1:].isalnum()  # "módulo diez", "veces menor"
+    near = " ".join([*context.lower().split()[-2:], low]) if joined else low
     times = _FACTOR.search(near) or BY_FACTOR.search(low)
     told, share = _first(data["times"], near), _PERCENT.search(low)
     tokens = re.findall(r"[^\W\d_]+", low)
-    spoken = re.findall(r"[^\W\d_]+", context.lower()) * bool(times or told) + tokens
     measures: tuple[Literal["E", "rho"], ...] = ("E", "rho")
-    begun = {
-        m: next((w for w in spoken for b in data["measured"][m] if w.startswith(b)), "")
-        for m in measures
-    }
+
+    def begun_in(words: Sequence[str]) -> dict[str, str]:
+        return {
+            m: next((w for w in words for b in data["measured"][m] if w.startswith(b)), "")
+            for m in measures
+        }
+
+    begun = begun_in(tokens)
+    if not any(begun.values()) and (times or told):  # "its modulus is half the frame's"
+        begun = begun_in(re.findall(r"[^\W\d_]+", context.lower()))
     measure = next((m for m in measures if begun[m]), None)
     found = _named(said, own, labels, lexicon)
     if measure is None:

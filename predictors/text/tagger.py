@@ -26,7 +26,7 @@ from ...fem.note import Note
 from ...fem.table import MaterialTable
 from ..encoders.minilm import MAX_TOKENS, MiniLM
 from ..packed import unpacked
-from .clauses import GENERAL, Bound, BoundPart, Clause, Gloss, Place, Subject, names_object, over
+from .clauses import GENERAL, Bound, BoundPart, Clause, Gloss, Place, Subject, over
 from .english import words as lists
 from .materials import lexicon_of
 from .parts import part_words, places
@@ -551,9 +551,13 @@ def with_second_opinion(
             plain = chance > judge.plain
             own, how = parts[i]
             if facts["same"] and facts["heard"] and chance > judge.doubted:
-                # Given to all for want of a part that it names, and heard for this one; "it is
-                # brass" too, where the text speaks of this part and says no other matter of it
-                lost = (i in bound.mute or not _is_of_all(clauses[k]) for k in own)
+                # Given to all for want of a part that it names, and heard for this one and not for
+                # all; "it is brass" too, where the text says no other matter of this part
+                alone = any(other.words != said.words for other in every)
+                lost = (
+                    i in bound.mute or (alone and clauses[k].subject.scope not in GENERAL)
+                    for k in own
+                )  # fmt: skip
                 how = tuple(
                     "name" if way in GENERAL and each else way
                     for way, each in zip(how, lost, strict=True)
@@ -799,11 +803,6 @@ def _is_settled(doubt: object, plain: bool, i: int, every: Sequence[Said]) -> bo
     return theirs or not any(over(second, (w.start, w.end)) for w in every[i].words)
 
 
-def _is_of_all(clause: Clause) -> bool:
-    """Whether a clause says that it speaks of the whole thing, or of the rest of it."""
-    return clause.subject.scope in ("whole", "rest") or names_object(clause)
-
-
 def _subject(name: str) -> Subject:
     return Subject("parts", (tuple(shown_name(name).split()),))
 
@@ -940,7 +939,7 @@ def _related(said: Said, text: str) -> str:
         return ""
     (start, _), (_, end) = spans[0], spans[-1]
     factor = BY_FACTOR.search(text, start)  # "stiffer by a", "factor of 20"
-    return text[start : factor.end() if factor and factor.start() <= end else end]
+    return text[start : max(end, factor.end()) if factor and factor.start() <= end else end]
 
 
 def _beside(
