@@ -58,7 +58,8 @@ def _lost(text, names, table):
         strange = strange and (len(word) >= SHORT or m[0].isupper())
         matter = matter and (m[0].isupper() or not lexicon.needs_capitals((stem,)))
         matter = matter and lexicon.kinds.get(word) not in read_kinds
-        own = bare(word), bare(word).removesuffix("s")  # "réglables" of a part "pied_reglable"
+        # "réglables" of a part "pied_reglable", "Stifte" of "Stift_8"
+        own = {bare(word).removesuffix(end) for end in ("", "s", "e", "en")}
         if (matter or strange) and not glued and not {word, stem, *own} & (known | IDLE):
             inside = any(a <= m.start() < b for a, b in spans)
             if not inside and word not in told:
