@@ -749,13 +749,13 @@ def _by_position(text: str, names: Sequence[str], lexicon: ReaderLexicon) -> str
             numbered = listed and not any(map(_WORDED.search, called[1:]))  # "rollers 1, 2 and 3"
             if numbered and (last := _LAST_NUMBER.search(called[0])):
                 called = [called[0], *(called[0][: last.start()] + n for n in called[1:])]
-            said = [[x for x in lexemes if over(item, (x.start, x.end))] for item in matters]
+            each = [[x for x in lexemes if over(item, (x.start, x.end))] for item in matters]
             named = any(
-                x.part and x.role not in ("material", "digits") for own in said for x in own
+                x.part and x.role not in ("material", "digits") for own in each for x in own
             )
             strange = int(head > begin)  # where no list of parts stands before it, all are known
-            if called and not named and _is_each(said, strange):
-                ends = [_without_size(own, b) for own, (_, b) in zip(said, matters, strict=True)]
+            if called and not named and _is_each(each, strange):
+                ends = [_without_size(own, b) for own, (_, b) in zip(each, matters, strict=True)]
                 said = (
                     f"{name}: {text[a:b]}"
                     for name, (a, _), b in zip(called, matters, ends, strict=True)
@@ -866,7 +866,7 @@ _IN_A_ROW = re.compile(r"(?:[;|/,\t]|\s{2})\s*$")  # before a column's name
 
 
 def _under_units(text: str) -> str:
-    """The text with the units of a heading behind each of its numbers, or of its pairs of them."""
+    """The text with the units of a heading behind its numbers, two or three of them together."""
     heads = list[list[re.Match]]()
     for m in _LABEL.finditer(text):
         gap = text[heads[-1][-1].end() : m.start()] if heads else "-"
@@ -1079,8 +1079,9 @@ def _decks(text: str, names: Collection[str]) -> str:
     ]  # fmt: skip
     out, defined = list[str](), dict[str, str]()
     parts = {word for name in names for word in part_name_words(name)}
+    stated = _KIPS if _KIP.search(text) else None
     for key, numbers, number_of in cards:
-        system = _KIPS if _KIP.search(text) else _system_of(numbers.get("rho", 0))
+        system = stated or _system_of(numbers.get("rho", 0))
         if system is None and "E" in numbers:
             system = (0, 0), 1.0 if numbers["E"] > 1e8 else 1e6 if _UNITS.search(text) else 0.0, 0.0
         E = numbers.get("E", 0.0) * system[1] if system else 0.0
@@ -1134,12 +1135,9 @@ def _definitions(text: str, names: Collection[str]) -> tuple[str, dict[str, str]
         key, said = m["key"] or m["sort"], m["said"] or m["of"]
         if m["sort"] and not _is_key(key, [text[m.end() :]]):
             continue
-        part = {"mat", "material", f"m{key.lower()}"} & called
-        if (
-            key in keys
-            or part
-            or not (re.search(r"\d", said) or m["sort"] or _is_of_matter(said, called))
-        ):
+        is_part = {"mat", "material", f"m{key.lower()}"} & called
+        of_part = not called.isdisjoint(re.findall(r"\w+", said.lower()))
+        if key in keys or is_part or (of_part and not (m["sort"] or re.search(r"\d", said))):
             return text, {}
         keys[key] = said.strip()
         # "card 1: E = 210 GPa -> both rails" defines, and gives to these
@@ -1150,11 +1148,6 @@ def _definitions(text: str, names: Collection[str]) -> tuple[str, dict[str, str]
     if len(keys) < 2 or not all(_is_key(k, [rest]) for k in keys):
         return text, {}
     return rest, keys
-
-
-def _is_of_matter(said: str, called: Collection[str]) -> bool:
-    """Whether words that define a key are of a matter, and of no part."""
-    return {*called}.isdisjoint(re.findall(r"\w+", said.lower()))
 
 
 class _Keyed(NamedTuple):

@@ -330,10 +330,10 @@ def _read(match: re.Match, *, cued: bool) -> Numeral | None:
     if _DIRECTED.match(said):
         note = Note("numerals.direction_same", said=said)
     bare = _BARE.get(measure, ())
-    before, after = (_STOP.split(x) for x in (match.string[:start], match.string[start:]))
-    imperial = measure == "rho" and _IMPERIAL.search(before[-1] + after[0])
-    bare = (_POUNDS, *bare) if imperial else bare
     if dimension is None and not group["share"] and bare:
+        if measure == "rho":
+            before, after = (_STOP.split(x) for x in (match.string[:start], match.string[start:]))
+            bare = (_POUNDS, *bare) if _IMPERIAL.search(before[-1] + after[0]) else bare
         scale, unit = next(((s, u) for a, b, s, u in bare if a <= value <= b), (0.0, ""))
         value, note = value * scale, Note("numerals.unit_taken", said=said, unit=unit)
     if measure == "rho" and value < 10 and re.fullmatch(r"\d{1,3}\.\d{3}", group["low"]):

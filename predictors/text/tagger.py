@@ -591,7 +591,7 @@ def with_second_opinion(
         if facts["of_none"] and not facts["grammar"]:
             note = Note("tagger.of_none", words=text[slice(*whole)], part=names[i])
             found = [replace(c, doubts=(*c.doubts, note)) for c in found]
-        opened = _doubts_of(best, readings, text, said, likely=True) if found else ()
+        opened = _doubts_of(best, readings, text, said, likely=True)
         found = [replace(c, doubts=(*c.doubts, *opened)) for c in found]
         again = [d for k in parts[i].clauses for d in clauses[k].doubts]
         again = [d for d in again if _kind(d) == "reader.again"]
@@ -891,11 +891,8 @@ def _whole(said: Said, numbers: Sequence[Place]) -> Said:
     found = list[Words]()
     for words in said.words:
         own = [x for x in numbers if over(x, words[1:]) and words.role in ("matter", "number")]
-        start, end = (
-            min([words.start, *(a for a, _ in own)]),
-            max([words.end, *(b for _, b in own)]),
-        )
-        start = max(start, found[-1].end if found else 0)
+        start = max(min([words.start, *(a for a, _ in own)]), found[-1].end if found else 0)
+        end = max([words.end, *(b for _, b in own)])
         found += [Words(words.role, start, end)] if start < end else []
     return replace(said, words=tuple(found))
 
