@@ -265,12 +265,16 @@ _WEIGHTS = np.array([50.0, 30.0, 30.0, 15.0])
 
 
 def by_look(
-    looks: Float[np.ndarray, "n look"], *, most: int = MOST, speck: float = SPECK
+    looks: Float[np.ndarray, "n look"],
+    *,
+    most: int = MOST,
+    speck: float = SPECK,
+    near: float = NEAR,
 ) -> Int[np.ndarray, "n"]:
     """Return the piece of every cell, from 0, none empty; at most so many, none a ``speck``.
 
     Quick shift (Vedaldi & Soatto 2008) on a histogram of looks: each bin goes where the nearest
-    denser one goes, a bin that has none within ``NEAR`` stays and is a piece.
+    denser one goes, a bin that has none as ``near`` stays and is a piece.
     """
     from scipy.spatial.distance import cdist
 
@@ -283,13 +287,13 @@ def by_look(
     full = np.argsort(-count, kind="stable")[:_BINS]
     places, number = means[full], count[full]
     square = cdist(places, places, "sqeuclidean")
-    density = np.exp(-square / (2 * (NEAR / 2) ** 2)) @ number
+    density = np.exp(-square / (2 * (near / 2) ** 2)) @ number
     order = np.argsort(-density, kind="stable")
     root = np.arange(len(places))  # for each bin the one of greatest density that it climbs to
     for i, at in enumerate(order[1:], start=1):
         denser = order[:i]
         nearest = denser[square[at, denser].argmin()]
-        if square[at, nearest] <= NEAR**2:
+        if square[at, nearest] <= near**2:
             root[at] = root[nearest]
     size = np.bincount(root, count[full], minlength=len(full))
     large = np.argsort(-size, kind="stable")[:most]

@@ -167,7 +167,7 @@ class TrainCommand:
     config: tyro.conf.Positional[str]
     """TOML file of a training run of FiLM, or a preset: regions (things in one piece); cpu,
     unipixie-cpu and regions-cpu take a minute; kinds, of matter by looks, seconds; tagger, of
-    words by parts, nine minutes of a GPU."""
+    words by parts, nine minutes of a GPU; one-piece, of parts by words, two."""
     output: Output
     """Folder of the state and of the weights."""
     data: Path = Path("data")

@@ -31,6 +31,7 @@ REGION_WEIGHTS = "regions.safetensors"
 KINDS, KIND_WEIGHTS = "kinds", "matter.json"  # kinds of matter by looks: seconds on any processor
 PHRASES = "phrases"  # rows by words of matter: two minutes of a processor
 TAGGER = "tagger"  # words of texts by parts: minutes on a GPU, from texts that it makes
+ONE_PIECE = "one-piece"  # words for parts by matters: two minutes on a GPU
 # AutoPhyX table 1, on a data set that is not published: beside our numbers, not among them.
 PAPER = {"AutoPhyX (OpenCLIP), its own data": (0.042, 0.051, 0.083)}
 PAPER_MASS = {"AutoPhyX, ABO-500": (0.652, 9.433, 0.901, 0.582)}
@@ -45,7 +46,8 @@ def train(
     """Train a network as a TOML file says (or a preset), or go on where it stopped.
 
     "kinds" fits kinds of matter to looks of real objects, in seconds; "tagger" learns from made
-    texts which words speak of which part, on a GPU where there is one. Started by ``torchrun`` a
+    texts which words speak of which part, "one-piece" which words name what has a matter, on a GPU
+    where there is one. Started by ``torchrun`` a
     network trains on several GPUs.
 
     Parameters
@@ -82,6 +84,12 @@ def train(
         return _train_kinds(real, output)
     if str(config) == TAGGER:
         return _train_tagger(output)
+    if str(config) == ONE_PIECE:
+        from .training.owners import preset, train_owners
+
+        weights = output / "one_piece.safetensors"
+        trained = train_owners(preset(), output=weights, resume=output)
+        return {"files": [weights], "steps": trained.steps, "history": trained.history}
     if str(config) == PHRASES:
         from .training.phrases.recipe import train_phrases
 

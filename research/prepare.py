@@ -97,8 +97,8 @@ def build_regions(
     output: Path,
     *,
     objects: int | None = None,
-    variants: int = 6,
-    procedural: int = 768,
+    variants: int = 8,
+    procedural: int = 260,
     seed: int = 0,
     progress: Progress | None = None,
 ) -> dict[str, Any]:
@@ -111,7 +111,7 @@ def build_regions(
     objects
         How many real objects; all whose parts are known by default.
     variants, procedural
-        How often each is recoloured, and how many objects are made up.
+        How often each is recoloured, half of them shortened, and how many objects are made up.
     seed
         Seed of everything random.
     progress
@@ -149,15 +149,18 @@ def build_regions(
     for name, piece in pieces.items():
         if progress:
             progress(f"{name}, {piece.name}", time.monotonic() - began)
-        sets += [(one, False) for one in sets_of.region_sets(name, piece)]
+        sets += [(one, False) for one in sets_of.every_set(name, piece)]
+        worn = sets_of.in_baked_light(piece, rng)
+        sets += [(one, True) for one in sets_of.every_set(name, worn) if not one.shells]
         for _ in range(variants):
-            shown, kinds = sets_of.recoloured(piece, looks, rng)
-            sets += [(one, True) for one in sets_of.region_sets(name, shown, kinds)]
+            shown = sets_of.shorter(piece, rng) if rng.random() < 0.5 else piece
+            shown, kinds = sets_of.recoloured(shown, looks, rng)
+            sets += [(one, True) for one in sets_of.two_sets(name, shown, rng, kinds)]
     rows = {row.name for kind in part_kinds().values() for row in kind.materials}
     kind_of_row = {row: kind_index(row, row, table) for row in rows}
     for number, made in enumerate(sets_of.procedural(procedural, looks, kind_of_row, rng)):
         name = f"procedural {number}"
-        sets += [(one, False) for one in sets_of.region_sets(name, made.piece)]
+        sets += [(one, False) for one in sets_of.two_sets(name, made.piece, rng)]
         said[name] = [sets_of.spoken_of(made, rng) for _ in range(3)]
     corpus = sets_of.as_corpus(sets, said, pieces, minilm("cpu"), table)
     corpus.save(output / REGIONS)

@@ -96,8 +96,8 @@ def cut_voxels(asset: Asset, voxels: PartVoxels, *, up: UpAxis) -> Regions:
     turned = np.rint(upright(cells.astype(float), up)).astype(int)
     there = found.regions
     return Regions(
-        turned - turned.min(axis=0), there.looks[near], there.plain[near], there.region[near],
-        there.shells,
+        turned - turned.min(axis=0), there.looks[near], there.plain[:, near],
+        there.region[near], there.shells,
     )  # fmt: skip
 
 

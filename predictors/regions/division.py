@@ -1,7 +1,8 @@
 """A thing in one piece divided by the clauses of a sentence, or left whole where that is unsure.
 
-Cut once by looks alone and once by the shells of its mesh too; what the network says of the two,
-and of the thing after a quarter turn (nobody knows its front), is averaged where they overlap. How
+Cut by looks alone, once into coarser and once into finer regions, and by the shells of its mesh
+too; what the network says of them, and of the thing after a quarter turn (nobody knows its front),
+is averaged where they overlap. How
 sure it is of the whole object is on record; below ``WHOLE`` one material everywhere, that of the
 first clause, is right more often.
 """
@@ -29,7 +30,7 @@ from ..prediction import Binding
 from ..text.clauses import Bound, BoundPart, Clause, Sentence
 from ..text.english import words
 from ..text.parts import known_parts, stem
-from .network import RegionNetwork, Said, Words, measured, quarter_turned
+from .network import Measured, RegionNetwork, Said, Words, copies, measured, quarter_turned
 
 WHOLE = 0.5  # of the certainty: below it a thing stays in one piece
 FORCED = 2.0  # nats that giving each clause a region may cost, all in all
@@ -43,8 +44,8 @@ class Regions(NamedTuple):
 
     cells: Indices (n, 3) of its cells, upright.
     looks: Colour and finish (n, 7) of each.
-    plain: Region of each by its colour alone.
-    region: Region by colour, finish and shells too; the same as ``plain`` where none are known.
+    plain: Region of each by its colour alone, coarser and finer (cuts, n).
+    region: Region by colour, finish and shells too; the first of ``plain`` where none are known.
     shells: Whether they are known.
     """
 
@@ -99,26 +100,26 @@ def cut(
     if appearance is not None and appearance.colours is not None:
         looks[:, :3] = appearance.colours[at]
     if region is not None:
-        return Regions(turned, looks, region, region, shells=False)
-    plain = segment(turned, looks)
+        return Regions(turned, looks, region[None], region, shells=False)
+    plain = np.stack([segment(turned, looks, near=near) for near in PLAIN_NEAR])
     if appearance is not None and appearance.shell is not None:
         if appearance.finish is not None:
             looks[:, 3:LOOK] = appearance.finish[at]
         shell = np.unique(appearance.shell[at], return_inverse=True)[1].ravel()
         region = segment(turned, looks, shell)
         return Regions(turned, looks, plain, region, shells=True)
-    return Regions(turned, looks, plain, plain, shells=False)
+    return Regions(turned, looks, plain, plain[0], shells=False)
 
 
 def apart(regions: Regions, part: Int[np.ndarray, "n"]) -> Regions:
     """Return the regions cut where parts meet, the largest first again."""
     if not np.ptp(part):
         return regions
-    plain, region = (
+    *plain, region = (
         largest_first(np.unique(part * (int(of.max()) + 1) + of, return_inverse=True)[1].ravel())
-        for of in (regions.plain, regions.region)
+        for of in (*regions.plain, regions.region)
     )
-    return regions._replace(plain=plain, region=region)
+    return regions._replace(plain=np.stack(plain), region=region)
 
 
 def said_by(clause: Clause, sentence: Sentence) -> Said:
@@ -148,37 +149,58 @@ def divide(
     Each clause has a region, if that costs little: what is spoken of is there.
 
     told: The clause that a user gave each cell, their number for none of them, else -1; a region
-        is told where most of its cells are.
+        is told where most of its cells are. What is larger than all of these stays as it was.
     """
     network = network or RegionNetwork.load()
-    cuts = {False: regions.plain}
+    cuts = [(False, plain) for plain in regions.plain]
     if regions.shells:
-        cuts[True] = regions.region
-    words, shares = Words.of(said, encoder), []
-    for shells, region in cuts.items():
+        cuts.append((True, regions.region))
+    _, first, of, size = np.unique(
+        np.stack([region for _, region in cuts]), axis=1, return_index=True, return_inverse=True,
+        return_counts=True,
+    )  # fmt: skip
+    words, seen = Words.of(said, encoder), []
+    for shells, region in cuts:
         looks = regions.looks.copy()
         if not shells:
             looks[:, 3:] = PLAIN_FINISH
-        found = measured(regions.cells, looks, region)
-        of_region = None
-        if told is not None:
-            votes = np.zeros((len(found.values), len(said) + 2), dtype=int)
-            np.add.at(votes, (region, told), 1)  # -1 is the last
-            of_region = np.array([*range(len(said) + 1), -1])[votes.argmax(axis=1)]
-        for seen in (found, quarter_turned(found)):
-            given = network.inputs(
-                seen, said, words=words, shells=shells, table=table, told=of_region
-            )
-            shares.append(network(given)[region])
-    pair = regions.plain * (int(regions.region.max()) + 1) + regions.region
-    _, first, of, size = np.unique(pair, return_index=True, return_inverse=True, return_counts=True)
-    mean = np.mean([share[first] for share in shares], axis=0)
+        seen.append((measured(regions.cells, looks, region), region, shells))
+
+    def asked(told: Int[np.ndarray, "n"] | None) -> Float[np.ndarray, "pieces clauses"]:
+        """Shares of what no cut divides."""
+        shares: dict[bool, list[np.ndarray]] = {shells: [] for _, _, shells in seen}
+        for found, region, shells in seen:
+            of_region = None if told is None else told_regions(found, region, told, len(said))
+            for one in (found, quarter_turned(found)):
+                given = network.inputs(
+                    one, said, words=words, shells=shells, table=table, told=of_region
+                )
+                shares[shells].append(network(given)[region[first]])
+        return np.mean([np.mean(each, axis=0) for each in shares.values()], axis=0)
+
+    if told is None or not (told >= 0).any():
+        mean = asked(None)
+    else:
+        each = np.bincount(regions.region)[regions.region]
+        larger = (each > each[told >= 0].max())[first]
+        mean = np.where(larger[:, None], asked(None), asked(told))
     owner = assigned(mean)
     share = mean[np.arange(len(mean)), owner]
     slope, offset = network.facts["certainty"]
     expected = float((size * share).sum() / size.sum())
     certainty = 1 / (1 + np.exp(-(slope * np.log(expected / (1 - expected + _LEAST)) + offset)))
     return Divided(owner[of.ravel()], share[of.ravel()], float(certainty))
+
+
+def told_regions(
+    found: Measured, region: Int[np.ndarray, "n"], told: Int[np.ndarray, "n"], clauses: int
+) -> Int[np.ndarray, "regions"]:
+    """The clause that a user gave most cells of a region, or of a copy of it: of one leg, all."""
+    votes = np.zeros((len(found.values), clauses + 2), dtype=int)
+    np.add.at(votes, (region, told), 1)  # -1 is the last
+    own = np.array([*range(clauses + 1), -1])[votes.argmax(axis=1)]
+    alike = copies(found) & (own >= 0)
+    return np.where((own < 0) & alike.any(axis=1), own[alike.argmax(axis=1)], own)
 
 
 def assigned(shares: Float[np.ndarray, "regions clauses"]) -> Int[np.ndarray, "regions"]:
@@ -198,6 +220,7 @@ def assigned(shares: Float[np.ndarray, "regions clauses"]) -> Int[np.ndarray, "r
 
 
 MOST = 48  # regions
+PLAIN_NEAR, SHELL_NEAR = (7.0, 5.0), 10.0  # how near looks are one, alone and beside shells
 LOOKS, LOOK_SPECK = 16, 0.004  # looks at most, and the fraction of the cells that one needs
 SPECK = 0.003  # of the cells: a smaller region goes to its surroundings
 # Of a thick region the core is what lies near cells of half its greatest depth: sqrt(3) times that
@@ -212,14 +235,17 @@ def segment(
     cells: Int[np.ndarray, "n 3"],
     looks: Float[np.ndarray, "n look"],
     shell: Int[np.ndarray, "n"] | None = None,
+    *,
+    near: float = SHELL_NEAR,
 ) -> Int[np.ndarray, "n"]:
     """Return the region of every cell, from 0, the largest first.
 
     cells: Indices of a thing's cells on a grid.
     looks: Colour and finish of each, as ``matter.by_look`` takes them.
     shell: The connected surface that each belongs to, where a mesh tells.
+    near: How near looks are one.
     """
-    label = by_look(looks, most=LOOKS, speck=LOOK_SPECK)
+    label = by_look(looks, most=LOOKS, speck=LOOK_SPECK, near=near)
     if shell is not None:
         label = label * (int(shell.max()) + 1) + shell
     label = _thick_apart(cells, _connected(cells, label))
@@ -367,10 +393,12 @@ def divided(
     mine = np.isin(thing[of_cell], thing[list(left_open)])
     said = [said_by(sentence.clauses[k], sentence) for k in stated]
     # numbered anew: a region of another part has no cell here
-    plain, region = (
-        np.unique(x[mine], return_inverse=True)[1].ravel() for x in (regions.plain, regions.region)
+    *plain, region = (
+        np.unique(x[mine], return_inverse=True)[1].ravel() for x in (*regions.plain, regions.region)
     )
-    ours = Regions(regions.cells[mine], regions.looks[mine], plain, region, regions.shells)
+    ours = Regions(
+        regions.cells[mine], regions.looks[mine], np.stack(plain), region, regions.shells
+    )
     of_user = np.full(len(region), -1)
     for part, row in told.items():
         same = [k for k, one in enumerate(said) if one.row and table.exact(one.row).name == row]

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from ...fem.errors import InputError
 from ...fem.note import Note
@@ -291,11 +291,14 @@ MEASURES = (
 # Of two regions: the share of the first one's common faces, how like their looks and sizes are,
 # and whether the first is higher.
 PAIRS = ("contact", "like look", "like size", "higher")
-# Measures that change places where the thing makes a quarter turn about its upright axis.
-_TURNED = (
-    ("width", "depth"), ("own width", "own depth"), ("x offset", "y offset"),
-    ("mirror x", "mirror y"), ("log slenderness x", "log slenderness y"),
-)  # fmt: skip
+# Measures that change places where the thing makes a quarter turn about its upright axis, and where
+# each measure then comes from.
+_CHANGED = {
+    "width": "depth", "own width": "own depth", "x offset": "y offset", "mirror x": "mirror y",
+    "log slenderness x": "log slenderness y",
+}  # fmt: skip
+_CHANGED |= {other: one for one, other in _CHANGED.items()}
+TURNED = [MEASURES.index(_CHANGED.get(name, name)) for name in MEASURES]
 _COPY = 0.15  # of the logarithm of sizes that differ by less, two regions are copies
 _FACES = 5.0  # what brings logarithms of faces, and numbers of neighbours, near 1
 _LIKE = 12.0  # of CIE L*a*b*: looks that differ by less are one
@@ -368,13 +371,16 @@ def measured(
     return Measured(values.astype(np.float32), share.astype(np.float32))
 
 
+def copies(found: Measured) -> Bool[np.ndarray, "regions regions"]:
+    """Whether two regions are of one look and of one size."""
+    look, size = found.values[:, :3], found.values[:, FEATURES.index("log share")]
+    apart = np.linalg.norm(look[:, None] - look, axis=2)
+    return (apart < _LIKE) & (np.abs(size - size[:, None]) < _COPY)
+
+
 def quarter_turned(found: Measured) -> Measured:
     """What is measured of the thing after a quarter turn about its upright axis."""
-    order: list[str] = list(MEASURES)
-    for one, other in _TURNED:
-        i, j = order.index(one), order.index(other)
-        order[i], order[j] = other, one
-    return found._replace(values=found.values[:, [MEASURES.index(name) for name in order]])
+    return found._replace(values=found.values[:, TURNED])
 
 
 def pairs_of(found: Measured) -> Float[np.ndarray, "regions regions pairs"]:

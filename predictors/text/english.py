@@ -32,6 +32,11 @@ class Atom(NamedTuple):
     end: int
     stem: str
 
+    @property
+    def is_plural(self) -> bool:
+        """Whether it has the regular plural's letter more than its stem."""
+        return self.text.lower() == self.stem + "s"
+
 
 @dataclass(frozen=True)
 class Lexeme:

@@ -74,6 +74,7 @@ class ReaderLexicon:
         self._acronyms: set[Phrase] = set()
         self._row_words: dict[str, set[str]] = {}  # of the rows that were asked for
         self.listed: set[Phrase] = set()  # with a comma in them: "oak, willow"
+        self.plural: set[Phrase] = set()  # with a word in the plural: "wood chips"
         self._designated: tuple[str, list[Designated]] = "", []
         called = [(row, name) for row in table for name in (row.name, *row.aliases)]
         # A name may carry what tells it from its kin: "oak, willow (along grain)".
@@ -85,6 +86,8 @@ class ReaderLexicon:
             self.rows.setdefault(phrase, row)
             if "," in name:
                 self.listed.add(phrase)
+            if any(atom.is_plural for atom in atoms(name, model)):
+                self.plural.add(phrase)
             if len(phrase) == 1 and len(phrase[0]) <= SHORT:
                 parts = re.split(r"[\s,]+", row.name)
                 upper = any(name.upper() in {part, part.strip("()")} for part in parts)
@@ -103,7 +106,7 @@ class ReaderLexicon:
     def needs_capitals(self, phrase: Phrase) -> bool:
         """Whether a phrase is an acronym that small letters may mean otherwise: "PET", "pet"."""
         (word, *more) = phrase
-        if more or phrase not in self._acronyms:
+        if more or phrase not in self._acronyms or word in words()["small_acronyms"]:
             return False
         spoken = re.search(r"[aeiouy]", word) is not None  # WordNet has "pvc" too
         return len(word) <= 2 or (spoken and self.model.is_word(word))
@@ -410,6 +413,11 @@ def _material(
     stems: Phrase = tuple(a.stem for a in run if a.text[0].isalnum())
     row = lexicon.rows.get(stems) or lexicon.rows.get(tuple(map(bare, stems)))
     row = row or (None if known & {*stems} else lexicon.turned.get(stems))
+    several = [a for a in run if a.is_plural]
+    of_thing = len(stems) == 2 and stems not in lexicon.plural and (stems[1],) in lexicon.rows
+    turned = stems not in lexicon.rows
+    if row and several and (turned or (of_thing and run[0] in several)):
+        return None  # "windows glass" and "paper books" name parts: no window glass, no book paper
     if any(a.text == "," for a in run) and stems not in lexicon.listed:
         return None  # "rubber sole, leather upper" is no sole leather
     if not row:

@@ -970,6 +970,8 @@ def clause_of(text: str, draft: Draft, lexicon: ReaderLexicon) -> Clause:
     names = tuple(dict.fromkeys(name for name in draft.names if name))
     liquid = lexicon.contents_called(draft.unknown.lower().split())
     said = draft.unknown.lower()
+    if not draft.material and lexicon.needs_capitals(lexicon.phrase(said) or ("",)):
+        draft.material, draft.phrase = lexicon.rows[lexicon.phrase(said)], draft.unknown  # "pp"
     noun = lexicon.model.is_word(said, ("noun",)) and lexicon.model.singular(said) == said
     noun = noun and said[-2:] != "ss"  # "brasss"
     meant = lexicon.meant(said) if not (draft.material or liquid or noun) else ()

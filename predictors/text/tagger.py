@@ -135,7 +135,7 @@ class Tagger(MiniLM):
     folder
         Folder of the weights of MiniLM; by default the installed ones.
     learned
-        File of the changes of these weights and of the last layer.
+        Files of changes of these weights, one upon the other, and of the last layer.
 
     Raises
     ------
@@ -143,19 +143,20 @@ class Tagger(MiniLM):
         If the package that holds MiniLM is not installed.
     """
 
-    def __init__(self, folder: Path | None = None, learned: Path = WEIGHTS) -> None:
+    def __init__(self, folder: Path | None = None, learned: Sequence[Path] = (WEIGHTS,)) -> None:
         from safetensors.numpy import load_file
 
         super().__init__(folder)
         self._tokenizer.no_truncation()
-        found = unpacked(load_file(learned))
-        for key, weight in found.items():
-            kind, _, name = key.partition(".")
-            if kind == "learned":
-                self._weights[name] = weight
-            elif kind == "up":
-                self._weights[name] = self._weights[name] + weight @ found[f"down.{name}"]
-        self._role = found["role.weight"].T, found["role.bias"]
+        for path in learned:
+            found = unpacked(load_file(path))
+            for key, weight in found.items():
+                kind, _, name = key.partition(".")
+                if kind == "learned":
+                    self._weights[name] = weight
+                elif kind == "up":
+                    self._weights[name] = self._weights[name] + weight @ found[f"down.{name}"]
+            self._role = found["role.weight"].T, found["role.bias"]
 
     def said(self, names: Sequence[str], text: str, gloss: Gloss | None = None) -> list[Said]:
         """What a text says of each part, by their names.

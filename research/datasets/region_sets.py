@@ -1,7 +1,7 @@
 """What the region network learns from: objects cut into regions, measured, with their true slots.
 
-Real objects as they are and in other colours, procedural ones in looks of real slots; each once by
-looks alone and once by shells too.
+Real objects as they are, in baked light and in other colours, procedural ones in looks of real
+slots; each by looks alone and by shells too, coarser and finer.
 """
 
 from __future__ import annotations
@@ -78,22 +78,55 @@ def plain(looks: Float[np.ndarray, "n look"]) -> Float[np.ndarray, "n look"]:
     return np.concatenate([looks[:, :3], np.tile(PLAIN_FINISH, (len(looks), 1))], axis=1)
 
 
-def region_sets(name: str, piece: OnePiece, kinds: Sequence[int] | None = None) -> list[RegionSet]:
-    """Cut an object both ways."""
-    out = []
-    for shells in (False, True):
-        looks = piece.looks if shells else plain(piece.looks)
-        region = segment(piece.cells, looks, piece.shell if shells else None)
-        found = measured(piece.cells, looks, region)
-        cells = np.zeros((len(found.values), len(piece.slots)))
-        np.add.at(cells, (region, piece.slot), 1)
-        out.append(
-            RegionSet(
-                name, shells, found.values, found.contact, cells, piece.slots,
-                tuple(kinds or [-1] * len(piece.slots)),
-            )
-        )  # fmt: skip
-    return out
+NEARS = {False: (10.0, 7.0, 5.0), True: (10.0, 7.0)}  # how near looks are one, without shells
+
+
+def region_set(
+    name: str, piece: OnePiece, kinds: Sequence[int] | None = None, *, shells: bool, near: float
+) -> RegionSet:
+    """Cut an object by looks that are as near, and by its shells, and measure the regions."""
+    looks = piece.looks if shells else plain(piece.looks)
+    region = segment(piece.cells, looks, piece.shell if shells else None, near=near)
+    found = measured(piece.cells, looks, region)
+    cells = np.zeros((len(found.values), len(piece.slots)))
+    np.add.at(cells, (region, piece.slot), 1)
+    kinds = tuple(kinds or [-1] * len(piece.slots))
+    return RegionSet(name, shells, found.values, found.contact, cells, piece.slots, kinds)
+
+
+def every_set(name: str, piece: OnePiece) -> list[RegionSet]:
+    """Cut an object in every way."""
+    ways = [(shells, near) for shells, nears in NEARS.items() for near in nears]
+    return [region_set(name, piece, shells=shells, near=near) for shells, near in ways]
+
+
+def two_sets(
+    name: str, piece: OnePiece, rng: np.random.Generator, kinds: Sequence[int] | None = None
+) -> list[RegionSet]:
+    """Cut an object without and with its shells, by looks that are as near as chance has it."""
+    return [
+        region_set(name, piece, kinds, shells=shells, near=float(rng.choice(nears)))
+        for shells, nears in NEARS.items()
+    ]
+
+
+def shorter(piece: OnePiece, rng: np.random.Generator) -> OnePiece:
+    """The object with one of its sides two thirds as long, or almost as long as it was."""
+    factor = np.ones(3)
+    factor[rng.integers(3)] = rng.uniform(0.65, 0.95)
+    cells, first = np.unique((piece.cells * factor).astype(int), axis=0, return_index=True)
+    shell = np.unique(piece.shell[first], return_inverse=True)[1].ravel()
+    return OnePiece(
+        piece.name, cells, piece.looks[first], shell, piece.slot[first], piece.slots
+    )  # fmt: skip
+
+
+def in_baked_light(piece: OnePiece, rng: np.random.Generator) -> OnePiece:
+    """The object as a scan may see it: colours alone, with light and noise in them."""
+    looks = plain(piece.looks)
+    looks[:, :3] *= baked_light(piece.cells, rng)[:, None]
+    looks[:, :3] = (looks[:, :3] + 0.02 * rng.normal(size=(len(looks), 3))).clip(0, 1)
+    return OnePiece(piece.name, piece.cells, looks, piece.shell, piece.slot, piece.slots)
 
 
 def recoloured(

@@ -88,7 +88,7 @@ def test_numpy_reads_what_torch_trains(full, tmp_path):
         for up in network.up.values():
             up.normal_(0, 0.02)
     save_learned(network, tmp_path / "learned.safetensors")
-    tagger = Tagger(learned=tmp_path / "learned.safetensors")
+    tagger = Tagger(learned=(tmp_path / "learned.safetensors",))
     ask, text = [4190, 102, 3509], [1996, 4190, 2024, 6116]
     found = tagger._roles([ask, [3509]], text)[0]
     row, head = asked(ask, text)

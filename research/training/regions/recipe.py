@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -23,24 +23,30 @@ from ..trainer import Losses, Report, Trained, train_network
 from .network import RegionBatch, RegionTransformer
 from .sampler import FOLDS, Habits, RegionSampler
 
-EACH = 0.3  # what a region counts for itself, beside its volume: small things count too
+EACH = 0.45  # what a region counts for itself, beside its volume: small things count too
 
 
 @dataclass(frozen=True)
 class RegionConfig:
-    """A training run of ``networks`` seeds; the data are those of one file."""
+    """A training run of ``networks`` seeds; the data are those of one file.
+
+    ``habits`` are given to the networks in turn; networks that differ say more together.
+    """
 
     options: TrainerOptions
     networks: int = 9
     folds: int = FOLDS  # of which the certainty is learned; 0 leaves it as the network says it
     seed: int = 0
-    habits: Habits = field(default_factory=Habits)
+    habits: tuple[Habits, ...] = (
+        Habits(), Habits(real=0.85, anew=0.2, clicked=0.5),
+        Habits(real=0.85, clicked=0.4, noise=0.2),
+    )  # fmt: skip
 
 
 PRESETS = {
     "regions": RegionConfig(
         TrainerOptions(
-            batch=128, steps=1400, rate=1e-3, final_rate=2e-5, warm_up=100, weight_decay=0.05,
+            batch=128, steps=3300, rate=1e-3, final_rate=2e-5, warm_up=100, weight_decay=0.05,
             decay=0.995, device="cuda", every=250,
         )
     ),
@@ -105,13 +111,40 @@ def train_one(
     """Train one network, on all things or on those outside a fold."""
     seed, device = config.seed + number, config.options.device
     torch.manual_seed(seed)
-    sampler = RegionSampler(corpus, seed=seed, device=device, fold=fold, habits=config.habits)
+    habits = config.habits[number % len(config.habits)]
+    sampler = RegionSampler(corpus, seed=seed, device=device, fold=fold, habits=habits)
     name = f"network_{number}" if fold is None else f"fold_{fold}"
     return train_network(
         RegionTransformer(sampler.categories), sampler, region_loss, config.options,
+        forward=lambda network, batch: network(
+            clicked(network, batch, habits.clicked, sampler.generator)
+        ),
         report=report, resume=None if resume is None else resume / name,
         config={**asdict(config), "fold": fold, "number": number},
     )  # fmt: skip
+
+
+@torch.no_grad()
+def clicked(
+    network: Callable[[RegionBatch], Tensor],
+    batch: RegionBatch,
+    share: float,
+    generator: torch.Generator,
+) -> RegionBatch:
+    """The batch in which a user told so many things' regions where the network is most wrong."""
+    nobody = torch.full_like(batch.told, -1)
+    plain = batch.evidence.clone()
+    plain[..., 2] = 0
+    best = network(batch._replace(told=nobody, evidence=plain)).argmax(dim=-1, keepdim=True)
+    most, truth = batch.wanted.max(dim=-1)
+    wrong = most - batch.wanted.gather(2, best)[..., 0]
+    worst = wrong.argmax(dim=1, keepdim=True)
+    drawn = torch.rand(len(wrong), 1, generator=generator, device=wrong.device)
+    mine = (drawn < share) & (wrong.gather(1, worst) > 0)
+    told = torch.where(mine, nobody.scatter(1, worst, truth.gather(1, worst)), batch.told)
+    said = 2.0 * functional.one_hot(told.clamp(min=0), batch.wanted.shape[2]) - 1
+    plain[..., 2] = said * (told >= 0)[..., None]
+    return batch._replace(told=told, evidence=plain)
 
 
 def scores_of_fold(

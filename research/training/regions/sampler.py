@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 
 from ....predictors.matter import CategoriesByAppearance
-from ....predictors.regions.network import ORDER, PLACES, Measured, pairs_of, standardised
+from ....predictors.regions.network import ORDER, PLACES, TURNED, Measured, pairs_of, standardised
 from ....predictors.text.parts import KINDS
 from ...datasets.region_sets import CLAUSES, NULL, RegionCorpus
 from ..kinds_by_looks import PENALTY, fit_kinds
@@ -64,19 +64,23 @@ class Habits:
     anew: Sentences put together anew from what was said of a thing.
     by_size: Sentences whose clauses stand by the volumes that they speak of, the largest first.
     told: Things of which a user told the clause of one region, or of two.
+    clicked: Things of which a user told the region where most was wrong (``recipe``).
+    turned: Things that made a quarter turn.
     noise: Deviation of what is added to the standardised measures.
     """
 
-    real: float = 0.7
+    real: float = 0.75
     shuffled: float = 0.35
     one_word: float = 0.4
     other_material: float = 0.3
     no_part: float = 0.15
     no_material: float = 0.15
     dropped: float = 0.15
-    anew: float = 0.35
+    anew: float = 0.25
     by_size: float = 0.15
     told: float = 0.25
+    clicked: float = 0.3
+    turned: float = 0.5
     noise: float = 0.15
 
 
@@ -101,11 +105,14 @@ class RegionSampler:
         there = np.asarray(corpus.values.any(axis=2))
         seen = corpus.values[kept][there[kept]]
         self.mean, self.deviation = seen.mean(axis=0), seen.std(axis=0) + 1e-3
-        region = np.stack(
-            [
-                standardised(values, self.mean, self.deviation, shells=bool(shells))
-                for values, shells in zip(corpus.values, corpus.shells, strict=True)
-            ]
+        region, turned = (
+            np.stack(
+                [
+                    standardised(values, self.mean, self.deviation, shells=bool(shells))
+                    for values, shells in zip(each, corpus.shells, strict=True)
+                ]
+            )
+            for each in (corpus.values, corpus.values[..., TURNED])
         )
         real = corpus.real[corpus.thing]
         self.pools = [torch.tensor(np.flatnonzero(kept & (real == way)), device=device)
@@ -115,7 +122,7 @@ class RegionSampler:
             kind = torch.float32 if array.dtype.kind == "f" else None
             return torch.tensor(array, dtype=kind, device=device)
 
-        self.region, self.there = put(region), put(there)
+        self.region, self.turned, self.there = put(region), put(turned), put(there)
         apart = [
             pairs_of(Measured(*each)) for each in zip(corpus.values, corpus.contact, strict=True)
         ]
@@ -236,6 +243,8 @@ class RegionSampler:
             rank = likely.argsort(dim=1, descending=True).argsort(dim=1)
             many = (self._uniform(n, 1) < habits.told) * (1 + (self._uniform(n, 1) < 0.4).long())
             of_user = torch.where((rank < many) & known, wanted.argmax(dim=2), -1)
+            turn = self._uniform(n, 1, 1) < habits.turned
+            region = torch.where(turn, self.turned[sets], region)
             noise = torch.randn(region.shape, generator=self.generator, device=self.device)
             noise[..., -1] = 0.0  # the flag
             region = region + habits.noise * noise

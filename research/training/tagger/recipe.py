@@ -43,9 +43,22 @@ class Batch(NamedTuple):
 
 
 class TaggerNetwork(nn.Module):
-    """MiniLM with low-rank changes, or all of it, and one layer that gives a token its role."""
+    """MiniLM with low-rank changes, or all of it, and one layer that gives a token its role.
 
-    def __init__(self, weights: Mapping[str, Tensor], *, heads: int = 12, full: bool) -> None:
+    ``rank`` and ``word_rank`` are those of the changes of dense layers, and of the embeddings of
+    tokens, 0 for none.
+    """
+
+    def __init__(
+        self,
+        weights: Mapping[str, Tensor],
+        *,
+        heads: int = 12,
+        full: bool = False,
+        roles: int = len(ROLES),
+        rank: int = RANK,
+        word_rank: int = WORD_RANK,
+    ) -> None:
         super().__init__()
         self.heads, self.full, self.drop = heads, full, DROP
         self.layers = sum(key.endswith("attention.self.query.weight") for key in weights)
@@ -60,13 +73,13 @@ class TaggerNetwork(nn.Module):
                 self.learned[name] = nn.Parameter(weight.clone())
                 continue
             self.frozen[name] = nn.Parameter(weight.clone(), requires_grad=False)
-            if "position" not in key:
-                rank = WORD_RANK if "word" in key else RANK
-                self.up[name] = nn.Parameter(torch.zeros(weight.shape[0], rank))
-                down = torch.randn(rank, weight.shape[1]) / weight.shape[1] ** 0.5
+            own = 0 if "position" in key else word_rank if "word" in key else rank
+            if own:
+                self.up[name] = nn.Parameter(torch.zeros(weight.shape[0], own))
+                down = torch.randn(own, weight.shape[1]) / weight.shape[1] ** 0.5
                 self.down[name] = nn.Parameter(down)
         width = weights["embeddings.LayerNorm.weight"].shape[0]
-        self.role = nn.Linear(width, len(ROLES))
+        self.role = nn.Linear(width, roles)
 
     def _weight(self, key: str) -> Tensor:
         name = key.replace(".", "/")
@@ -86,7 +99,11 @@ class TaggerNetwork(nn.Module):
 
     def forward(self, batch: Batch) -> Tensor:
         """Logits of the roles of each token, (n, length, roles)."""
-        tokens, seen = batch.tokens, (batch.roles != PAD)[:, None, None]
+        return self.logits(batch.tokens, (batch.roles >= 0).long(), batch.roles != PAD)
+
+    def logits(self, tokens: Tensor, types: Tensor, seen: Tensor) -> Tensor:
+        """Logits of tokens (n, length) of two ``types``; those not ``seen`` are padding."""
+        seen = seen[:, None, None]
         words, places, kinds = (
             f"embeddings/{kind}_embeddings/weight" for kind in ("word", "position", "token_type")
         )
@@ -95,10 +112,11 @@ class TaggerNetwork(nn.Module):
             place = self.learned[places]
         else:
             x = functional.embedding(tokens, self.frozen[words])
-            x = x + functional.embedding(tokens, self.up[words]) @ self.down[words]
+            if words in self.up:
+                x = x + functional.embedding(tokens, self.up[words]) @ self.down[words]
             place = self.frozen[places]
         x = x + place[: tokens.shape[1]]
-        x = x + functional.embedding((batch.roles >= 0).long(), self.learned[kinds])
+        x = x + functional.embedding(types, self.learned[kinds])
         x = self._dropped(self._norm("embeddings.LayerNorm", x))
         split = (*tokens.shape, self.heads, x.shape[-1] // self.heads)
         for layer in range(self.layers):

@@ -112,7 +112,7 @@ def test_written_as_bytes_it_is_read_to_half_a_step_of_each_row(tmp_path):
 def test_a_table_top_and_its_legs_are_told_apart():
     """As said in either order: the small things are the legs."""
     cells, seen, of_top = table()
-    regions = Regions(cells, seen, np.where(of_top, 0, 1), np.where(of_top, 0, 1), True)
+    regions = Regions(cells, seen, np.where(of_top, 0, 1)[None], np.where(of_top, 0, 1), True)
     for said, top in ((SAID, 0), (SAID[::-1], 1)):
         found = divide(regions, said, encoder=minilm(), table=load_table())
         assert (found.owner[of_top] == top).all()
@@ -123,7 +123,7 @@ def test_what_a_user_tells_of_a_region_stands():
     """Told that the top is of the second clause, it is, and the sum of its shares is one."""
     cells, seen, of_top = table()
     label = np.where(of_top, 0, 1)
-    regions = Regions(cells, seen, label, label, True)
+    regions = Regions(cells, seen, label[None], label, True)
     told = np.where(of_top, 1, -1)
     found = divide(regions, SAID, encoder=minilm(), table=load_table(), told=told)
     assert (found.owner[of_top] == 1).all()
@@ -183,7 +183,7 @@ def test_weights_of_other_measures_are_refused(tmp_path):
 def test_certainty_is_what_calibration_makes_of_the_expected_share():
     """A slope of 0 says its offset of every thing; the shipped file is at most 4 MB."""
     cells, seen, of_top = table()
-    regions = Regions(cells, seen, np.where(of_top, 0, 1), np.where(of_top, 0, 1), True)
+    regions = Regions(cells, seen, np.where(of_top, 0, 1)[None], np.where(of_top, 0, 1), True)
     shipped = RegionNetwork.load()
     flat = replace(shipped, facts={**shipped.facts, "certainty": [0.0, np.log(0.7 / 0.3)]})
     found = divide(regions, SAID, encoder=minilm(), table=load_table(), network=flat)

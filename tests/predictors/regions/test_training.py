@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 import torch
 from autophyx_tet.predictors.matter import FEATURES
-from autophyx_tet.predictors.regions.network import MEASURES, RegionNetwork
+from autophyx_tet.predictors.regions.network import MEASURES, OUTLIER, RegionNetwork
 from autophyx_tet.predictors.text.parts import KINDS
+from autophyx_tet.research.datasets.one_piece import OnePiece
 from autophyx_tet.research.datasets.region_sets import (
     CLAUSES,
     NULL,
@@ -16,12 +17,15 @@ from autophyx_tet.research.datasets.region_sets import (
     RegionCorpus,
     Sentence,
     baked_light,
+    in_baked_light,
     row_of,
     said_anew,
+    shorter,
 )
 from autophyx_tet.research.training.regions.recipe import (
     PRESETS,
     calibrated,
+    clicked,
     region_loss,
     train_one,
     train_regions,
@@ -113,6 +117,56 @@ def test_what_a_user_tells_of_a_region_is_so(corpus):
     assert not of_user[~known].any()
 
 
+def test_a_thing_that_turned_has_its_sides_exchanged(corpus):
+    habits = replace(CALM, real=1.0, turned=1.0)
+    sampler = RegionSampler(corpus, seed=0, device="cpu", habits=habits)
+    batch = sampler.batch(torch.arange(3), torch.arange(3), varied=True)
+    i, j = MEASURES.index("own width"), MEASURES.index("own depth")
+    kept = MEASURES.index("height")
+    seen, plain = batch.region[:, :REGIONS], sampler.region[:3, :REGIONS]
+    assert torch.equal(seen[..., kept], plain[..., kept])
+    depth = (corpus.values[:3, :REGIONS, j] - sampler.mean[i]) / sampler.deviation[i]
+    assert np.allclose(seen[..., i], depth.clip(-OUTLIER, OUTLIER), atol=1e-5)
+    assert not torch.equal(seen[..., i], plain[..., i])
+
+
+def test_a_user_names_the_region_where_most_is_wrong(corpus):
+    """A network that gives every region to the first clause is most wrong of the second's."""
+    batch = RegionSampler(corpus, seed=0, device="cpu", habits=CALM).draw(8)
+    first = torch.zeros(batch.wanted.shape)
+    first[..., 1] = 1.0
+    generator = torch.Generator().manual_seed(0)
+    told = clicked(lambda _: first, batch, 1.0, generator)
+    assert told.told[:, :REGIONS].tolist() == [[-1, 2, -1, -1]] * 8
+    assert told.evidence[:, 1, :4, 2].tolist() == [[-1, -1, 1, -1]] * 8
+    assert not told.evidence[:, [0, 2, 3], :, 2].any()
+    assert (clicked(lambda _: first, batch, 0.0, generator).told == -1).all()
+
+
+def test_a_shorter_object_keeps_its_looks_and_slots():
+    rng = np.random.default_rng(0)
+    cells = np.argwhere(np.ones((8, 9, 10)))
+    looks = np.tile(cells[:, :1] / 8, (1, 7))
+    piece = OnePiece("", cells, looks, cells[:, 2] // 5, cells[:, 0] // 4, ("a", "b"))
+    for _ in range(6):
+        short = shorter(piece, rng)
+        sides = np.ptp(short.cells, axis=0) + 1
+        assert sorted(sides < (8, 9, 10)) == [False, False, True]
+        assert len(np.unique(short.cells, axis=0)) == len(short.cells)
+        assert np.array_equal(short.slot, (short.looks[:, 0] * 8 // 4).round())
+
+
+def test_what_a_scan_sees_is_colours_alone():
+    rng = np.random.default_rng(0)
+    cells = np.argwhere(np.ones((20, 20, 20)))
+    looks = np.full((len(cells), 7), 0.5)
+    piece = OnePiece("", cells, looks, np.zeros(8000, int), np.zeros(8000, int), ("a",))
+    seen = in_baked_light(piece, rng).looks
+    assert len(np.unique(seen[:, 3:], axis=0)) == 1
+    assert 0.03 < seen[:, 0].std() < 0.15
+    assert np.all(piece.looks == 0.5)
+
+
 def test_sentences_anew_are_of_what_was_said_of_the_same_slots():
     """Each clause has words and a matter that somebody gave its slots, or another name of it."""
     parts = [("top", "oak", ["a"]), ("legs", "steel", ["b", "c"]), ("feet", "rubber", ["d"])]
@@ -143,7 +197,7 @@ def test_sixty_steps_of_a_cpu_learn_what_one_measure_tells(corpus, tmp_path):
     config = PRESETS["regions-cpu"]
     options = replace(config.options, rate=3e-3)
     done = train_regions(
-        replace(config, habits=CALM, options=options), corpus, output=tmp_path / "a.safetensors"
+        replace(config, habits=(CALM,), options=options), corpus, output=tmp_path / "a.safetensors"
     )
     assert done[0].history[-1]["right"] > 0.95
     network = RegionNetwork.load(tmp_path / "a.safetensors")
@@ -154,7 +208,7 @@ def test_sixty_steps_of_a_cpu_learn_what_one_measure_tells(corpus, tmp_path):
 
 @pytest.mark.slow
 def test_an_interrupted_run_is_the_uninterrupted_one(corpus, tmp_path):
-    config = replace(PRESETS["regions-cpu"], habits=replace(CALM, noise=0.1))
+    config = replace(PRESETS["regions-cpu"], habits=(replace(CALM, noise=0.1),))
     options = replace(config.options, batch=8, steps=6, every=3)
     whole = train_one(replace(config, options=options), corpus)
     first = replace(config, options=replace(options, steps=6))
