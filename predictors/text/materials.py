@@ -411,17 +411,13 @@ def _material(
         end += 1
     run = cut[i:end]
     stems: Phrase = tuple(a.stem for a in run if a.text[0].isalnum())
-    row = lexicon.rows.get(stems) or lexicon.rows.get(tuple(map(bare, stems)))
-    row = row or (None if known & {*stems} else lexicon.turned.get(stems))
-    several = [a for a in run if a.is_plural]
-    of_thing = len(stems) == 2 and stems not in lexicon.plural and (stems[1],) in lexicon.rows
-    turned = stems not in lexicon.rows
-    if row and several and (turned or (of_thing and run[0] in several)):
-        return None  # "windows glass" and "paper books" name parts: no window glass, no book paper
-    if any(a.text == "," for a in run) and stems not in lexicon.listed:
+    own = lexicon.rows.get(stems) or lexicon.rows.get(tuple(map(bare, stems)))
+    row = own or (None if known & {*stems} else lexicon.turned.get(stems))
+    if not row or (any(a.text == "," for a in run) and stems not in lexicon.listed):
         return None  # "rubber sole, leather upper" is no sole leather
-    if not row:
-        return None
+    of_thing = len(stems) == 2 and stems not in lexicon.plural and (stems[1],) in lexicon.rows
+    if (of_thing and run[0].is_plural) or (not own and any(a.is_plural for a in run)):
+        return None  # "windows glass" and "paper books" name parts: no window glass, no book paper
     single = len(stems) > 1 and len(stems[0]) == 1  # "A36" and not "a 36"
     if single and run[0].end != run[1].start:
         return None
