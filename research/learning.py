@@ -88,7 +88,7 @@ def train(
         from .training.owners import preset, train_owners
 
         weights = output / "one_piece.safetensors"
-        trained = train_owners(preset(), output=weights, resume=output)
+        trained = train_owners(preset(), output=weights, resume=output / ONE_PIECE)
         return {"files": [weights], "steps": trained.steps, "history": trained.history}
     if str(config) == PHRASES:
         from .training.phrases.recipe import train_phrases

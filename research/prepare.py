@@ -151,7 +151,8 @@ def build_regions(
             progress(f"{name}, {piece.name}", time.monotonic() - began)
         sets += [(one, False) for one in sets_of.every_set(name, piece)]
         worn = sets_of.in_baked_light(piece, rng)
-        sets += [(one, True) for one in sets_of.every_set(name, worn) if not one.shells]
+        for near in sets_of.NEARS[False]:
+            sets.append((sets_of.region_set(name, worn, shells=False, near=near), True))
         for _ in range(variants):
             shown = sets_of.shorter(piece, rng) if rng.random() < 0.5 else piece
             shown, kinds = sets_of.recoloured(shown, looks, rng)

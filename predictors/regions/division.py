@@ -33,6 +33,7 @@ from ..text.parts import known_parts, stem
 from .network import Measured, RegionNetwork, Said, Words, copies, measured, quarter_turned
 
 WHOLE = 0.5  # of the certainty: below it a thing stays in one piece
+LARGER = 1.2  # times a region: what may not be its copy
 FORCED = 2.0  # nats that giving each clause a region may cost, all in all
 NULL = 0.6  # of a region's share: from here the null clause wins, and nobody spoke of it
 _GREY = 0.6  # colour of what has none
@@ -40,7 +41,7 @@ _LEAST = 1e-4  # of a share, for its logarithm
 
 
 class Regions(NamedTuple):
-    """A thing cut both ways.
+    """A thing cut in several ways.
 
     cells: Indices (n, 3) of its cells, upright.
     looks: Colour and finish (n, 7) of each.
@@ -149,7 +150,8 @@ def divide(
     Each clause has a region, if that costs little: what is spoken of is there.
 
     told: The clause that a user gave each cell, their number for none of them, else -1; a region
-        is told where most of its cells are. What is larger than all of these stays as it was.
+        is told where most of its cells are. What is larger than all of these, and no copy of
+        them, stays as it was.
     """
     network = network or RegionNetwork.load()
     cuts = [(False, plain) for plain in regions.plain]
@@ -178,13 +180,13 @@ def divide(
                 shares[shells].append(network(given)[region[first]])
         return np.mean([np.mean(each, axis=0) for each in shares.values()], axis=0)
 
-    if told is None or not (told >= 0).any():
-        mean = asked(None)
-    else:
-        each = np.bincount(regions.region)[regions.region]
-        larger = (each > each[told >= 0].max())[first]
-        mean = np.where(larger[:, None], asked(None), asked(told))
+    mean = asked(None)
     owner = assigned(mean)
+    if told is not None and (told >= 0).any():
+        each = np.bincount(regions.region)[regions.region]
+        larger = (each > LARGER * each[told >= 0].max())[first]
+        mean = np.where(larger[:, None], mean, asked(told))
+        owner = np.where(larger, owner, assigned(mean))
     share = mean[np.arange(len(mean)), owner]
     slope, offset = network.facts["certainty"]
     expected = float((size * share).sum() / size.sum())
@@ -195,12 +197,17 @@ def divide(
 def told_regions(
     found: Measured, region: Int[np.ndarray, "n"], told: Int[np.ndarray, "n"], clauses: int
 ) -> Int[np.ndarray, "regions"]:
-    """The clause that a user gave most cells of a region, or of a copy of it: of one leg, all."""
+    """The clause that a user gave most cells of a region, or of its copies: of one leg, all.
+
+    Copies that a user told different clauses tell nothing of others, nor does one of no clause.
+    """
     votes = np.zeros((len(found.values), clauses + 2), dtype=int)
     np.add.at(votes, (region, told), 1)  # -1 is the last
     own = np.array([*range(clauses + 1), -1])[votes.argmax(axis=1)]
-    alike = copies(found) & (own >= 0)
-    return np.where((own < 0) & alike.any(axis=1), own[alike.argmax(axis=1)], own)
+    heard = copies(found) & (own >= 0) & (own < clauses)
+    least = np.where(heard, own, clauses).min(axis=1)
+    most = np.where(heard, own, -1).max(axis=1)
+    return np.where((own < 0) & (least == most), most, own)
 
 
 def assigned(shares: Float[np.ndarray, "regions clauses"]) -> Int[np.ndarray, "regions"]:

@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...fem.table import MaterialTable
+from ...fem.table import Material, MaterialTable
 from ..encoders.minilm import MAX_TOKENS
 from .clauses import Bound, Clause, Place, Subject, bind, over
 from .english import words as lists
@@ -32,7 +32,9 @@ LIKELIEST = 0.1  # this one
 _ROWS = 8  # questions at once
 _ENDS = ".'’"  # of a word that a sentence ends with
 _JOINED = re.compile(r"[,/&]|\band\b")  # "seat and back"
-_WORD = re.compile(r"\b(?!(?:the|an?|its)\b)[^\W_]+")  # but no article
+_LISTED = re.compile(r"\s*(?:[,/&]|,?\s*\b(?:and|or)\b)\s*")
+_WORD = re.compile(r"\b(?!(?:the|an?|its)\b)[^\W_]+")
+_NO_PART = {"all", "whole", "entire", "everything", "filled"}  # alone
 
 
 class Owned(NamedTuple):
@@ -122,34 +124,46 @@ def of_one_piece(bound: Bound, labels: Sequence[Sequence[str]], table: MaterialT
     table: Whose rows are materials.
     """
     text, lexicon = bound.sentence.text, lexicon_of(table)
-    lexemes = lex(text, lexicon, ()).lexemes
-    matters = [(x.start, x.end) for x in lexemes if x.role == "material"]
+    matters = [x for x in lex(text, lexicon, ()).lexemes if x.role == "material"]
     if len(matters) < 2:
         return bound
-    found = load_owner_finder().owners(text, matters)
+    asked = load_owner_finder().owners(text, [(x.start, x.end) for x in matters])
+
+    def is_listed(one: Owned, place: Place) -> bool:
+        """Whether words for a part are a matter of one list with it: "oak, steel and brass"."""
+        other = any(over(place, x.matter) for x in asked if x is not one)
+        first, last = sorted((place, one.matter))
+        return other and _LISTED.fullmatch(text[first[1] : last[0]]) is not None
+
+    def is_purpose(row: Material, end: int) -> bool:
+        """Whether it tells what a thing is for: "a fruit bowl"."""
+        behind = re.match(r" (\w+)", text[end:])
+        of_thing = behind and stem(behind[1]) in part_words()["objects"]
+        return bool(of_thing and row.category in lists()["purposes"]["categories"])
+
+    listed = [place for one in asked for place in one.parts if is_listed(one, place)]
+    found: list[Owned] = []
+    for one, lexeme in zip(asked, matters, strict=True):
+        others = tuple(x for x in one.parts if x not in listed and not over(x, one.matter))
+        parts = others or tuple(x for x in one.parts if x not in listed)
+        chance = 1.0 if any(over(one.matter, x) for x in listed) else one.chance
+        chance = 0.0 if is_purpose(lexeme.value, lexeme.end) else chance
+        found.append(Owned(one.matter, chance, parts))
     found = [
         one for one, following in zip(found, [*found[1:], None], strict=True)
         if not (following and _is_said_of(one, following, text))
     ]  # fmt: skip
 
-    def is_purpose(place: Place) -> bool:
-        """Whether it tells what a thing is for: "a fruit bowl"."""
-        row = table.phrases.get(text[slice(*place)].lower())
-        behind = re.match(r" (\w+)", text[place[1] :])
-        foods = lists()["purposes"]["categories"]
-        of_thing = behind and stem(behind[1]) in part_words()["objects"]
-        return bool(row and row.category in foods and of_thing)
-
-    found = [one._replace(chance=0.0) if is_purpose(one.matter) else one for one in found]
-
     def subject(owned: Sequence[Owned], before: Subject) -> Subject:
-        names = [
-            tuple(map(stem, _WORD.findall(words)))
-            for one in owned for place in one.parts
+        names = tuple(dict.fromkeys(
+            name for one in owned for place in one.parts
             for words in _JOINED.split(text[slice(*place)].lower())
-        ]  # fmt: skip
-        names = tuple(dict.fromkeys(filter(None, names)))
-        return Subject("parts", names) if names and before.scope != "rest" else before
+            if {*(name := tuple(map(stem, _WORD.findall(words))))} - _NO_PART
+        ))  # fmt: skip
+        in_english = bound.sentence.gloss and before.names
+        if not names or in_english or before.exceptions or before.scope == "rest":
+            return before
+        return Subject("parts", names)
 
     clauses: list[Clause] = []
     heard: list[Owned] = []
@@ -160,7 +174,8 @@ def of_one_piece(bound: Bound, labels: Sequence[Sequence[str]], table: MaterialT
         numbers = any(n.measure not in ("mass", "thickness") for n in clause.numbers)
         if clause.unknown and all(map(lexicon.model.is_word, clause.unknown.lower().split())):
             continue  # "a lamp of the wall"
-        is_matter = meant or (not mine and (clause.material or clause.unknown))
+        said = clause.material or clause.unknown or clause.kind or clause.stiffness
+        is_matter = meant or (not mine and said)
         if not (is_matter or numbers or clause.comparisons or clause.excluded):
             continue
         if meant and clause.material:

@@ -252,6 +252,6 @@ def train_owners(
         options,
         forward=lambda net, batch: net.logits(batch.tokens, batch.types, batch.seen),
         resume=resume,
-        config={"rank": RANK},
+        config={"rank": RANK, "steps": options.steps, "seed": seed},
         save=lambda trained, _: save_learned(trained, output),
     )

@@ -9,7 +9,6 @@ from autophyx_tet.predictors.text import one_piece
 from autophyx_tet.predictors.text.tagger import load_tagger
 from autophyx_tet.research.datasets.natural import Meant, Natural
 from autophyx_tet.research.training.owners import (
-    PADDING,
     RANK,
     OwnerSampler,
     batch_of,
@@ -117,4 +116,3 @@ def test_numpy_finds_what_torch_trains_and_it_learns(asked, tmp_path, monkeypatc
         ["bowl"],
         ["rim and the foot"],
     ]
-    assert PADDING < 0 <= int(batch.named.max())

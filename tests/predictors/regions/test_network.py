@@ -8,7 +8,7 @@ import pytest
 from autophyx_tet.fem.errors import InputError
 from autophyx_tet.fem.table import load_table
 from autophyx_tet.predictors.encoders.minilm import MiniLM
-from autophyx_tet.predictors.regions.division import NULL, Regions, assigned, divide
+from autophyx_tet.predictors.regions.division import NULL, Regions, assigned, divide, told_regions
 from autophyx_tet.predictors.regions.network import (
     MEASURES,
     WEIGHTS,
@@ -132,6 +132,42 @@ def test_what_a_user_tells_of_a_region_stands():
         regions, SAID, encoder=minilm(), table=load_table(), told=np.where(of_top, 2, -1)
     )
     assert (nobody.owner[of_top] == 2).all()
+
+
+def legs_apart() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The table's cells and looks, and its regions: the top, and each leg by itself."""
+    cells, seen, of_top = table()
+    side = (cells[:, :2] > cells[:, :2].mean(axis=0)) @ [1, 2]
+    return cells, seen, np.where(of_top, 0, 1 + side)
+
+
+def test_what_a_user_tells_of_a_leg_is_of_all_legs_and_of_no_top():
+    cells, seen, label = legs_apart()
+    found = measured(cells, seen, label)
+
+    def told(**each: int) -> list[int]:
+        of_cell = np.full(len(label), -1)
+        for name, clause in each.items():
+            of_cell[label == int(name[1:])] = clause
+        return told_regions(found, label, of_cell, 2).tolist()
+
+    assert told(_1=1) == [-1, 1, 1, 1, 1]
+    assert told(_0=0) == [0, -1, -1, -1, -1]
+    assert told(_1=0, _2=1) == [-1, 0, 1, -1, -1]  # two that disagree tell nothing of others
+    assert told(_3=2) == [-1, -1, -1, 2, -1]  # nor does one of which no clause speaks
+
+
+def test_no_larger_region_moves_where_a_user_tells_of_a_small_one():
+    """A leg that is told the top's clause does not turn the top to the other one."""
+    cells, seen, label = legs_apart()
+    regions = Regions(cells, seen, label[None], label, True)
+    known = {"encoder": minilm(), "table": load_table()}
+    before = divide(regions, SAID, **known)
+    assert (before.owner[label == 0] == 0).all()
+    for leg in (1, 4):
+        after = divide(regions, SAID, told=np.where(label == leg, 0, -1), **known)
+        assert (after.owner[label == leg] == 0).all()
+        assert (after.owner[label == 0] == 0).all()
 
 
 def test_each_clause_has_a_region_where_that_costs_little():
