@@ -51,6 +51,8 @@ ELSEWHERE = {
     "autophyx-tet train phrases -o run": "takes minutes; tests/predictors/language/test_phrases.py "
     "has a shorter run",
     "autophyx-tet train tagger -o run": HOURS,
+    "autophyx-tet train one-piece -o run": "takes minutes; tests/predictors/test_owners.py has a "
+    "shorter run",
     "autophyx-tet dataset regions -o data && autophyx-tet train regions --data data -o run": HOURS,
     "autophyx-tet evaluate --split natural": FURNITURE,
     "autophyx-tet dataset build -o data": FURNITURE,

@@ -16,6 +16,8 @@ def test_numbers_are_si(clauses_of):
         ("the plate is oak and weighs 1.2 kg", {"mass": 1.2}),
         ("plate: PLA, 20 % infill", {"infill": 0.2}),
         ("plate modulus 10 ksi, rho 62.428 lb/ft3", {"E": 68.947572932e6, "rho": 1000.0}),
+        ("plate: PET, 30 \u00b5m thick", {"thickness": 30e-6}),  # the sign micro
+        ("plate: PET, 30 \u03bcm thick", {"thickness": 30e-6}),  # the Greek letter
     ]:
         (said, *_) = clauses_of(text, ["plate"])["plate"]
         read = {q.measure: q.value for q in said.numbers}
