@@ -121,11 +121,11 @@ panels = [
     )
     for name, rest in still.items()
 ]  # fmt: skip
-NotebookImage(filename=apx.render_png("motions.png", panels, up="y", pixels=160))
+NotebookImage(filename=apx.render_png("motions.png", panels, up="y", pixels=140))
 
 # %%
 pictures = [
     apx.asset_panel(solid.asset, title="One piece"),
     apx.mesh_panel(body.mesh, title="Three parts"),
 ]
-NotebookImage(filename=apx.render_png("one_piece.png", pictures, up="y", pixels=160))
+NotebookImage(filename=apx.render_png("one_piece.png", pictures, up="y", pixels=140))
