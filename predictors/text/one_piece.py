@@ -65,19 +65,11 @@ class OwnerFinder(Tagger):
         found: list[Owned] = []
         for k in range(0, len(rows), _ROWS):
             batch = rows[k : k + _ROWS]
-            shape = len(batch), max(len(head) + len(own) + 1 for head, own, _ in batch)
-            tokens, types, seen = (
-                np.zeros(shape, np.int64),
-                np.zeros(shape, np.int64),
-                np.zeros(shape, bool),
-            )
-            for row, (head, own, first) in enumerate(batch):
-                there = [*head, *encoded.ids[first : first + len(own)], SEP]
-                tokens[row, : len(there)], seen[row, : len(there)] = there, True
-                types[row, len(head) : len(head) + len(own)] = ~own
-            with self._arrays.sparing():
-                hidden = self._forward(tokens, types, None if seen.all() else seen)
-                logits = hidden @ self._role[0] + self._role[1]
+            tokens = [
+                [*head, *encoded.ids[first : first + len(own)], SEP] for head, own, first in batch
+            ]
+            types = [[0] * len(head) + [int(not x) for x in own] + [0] for head, own, _ in batch]
+            logits = self._logits(tokens, types)
             for (head, own, first), said, place in zip(batch, logits, matters[k:], strict=False):
                 said = said[len(head) : len(head) + len(own)]
                 chance = 1 / (1 + np.exp(-said[:, 0]))

@@ -207,6 +207,22 @@ class Tagger(MiniLM):
                 out[:, k] = pieces[:, said or own].mean(axis=1)
         return out
 
+    def _logits(
+        self, rows: Sequence[Sequence[int]], types: Sequence[Sequence[int]]
+    ) -> Float[np.ndarray, "rows tokens roles"]:
+        """What the last layer says of rows of tokens and their types, the shorter ones padded."""
+        shape = len(rows), max(map(len, rows))
+        tokens, kinds, seen = (
+            np.zeros(shape, np.int64),
+            np.zeros(shape, np.int64),
+            np.zeros(shape, bool),
+        )
+        for i, (own, of_own) in enumerate(zip(rows, types, strict=True)):
+            tokens[i, : len(own)], kinds[i, : len(own)], seen[i, : len(own)] = own, of_own, True
+        with self._arrays.sparing():
+            hidden = self._forward(tokens, kinds, None if seen.all() else seen)
+            return hidden @ self._role[0] + self._role[1]
+
     def _roles(
         self, asks: Sequence[Sequence[int]], text: Sequence[int]
     ) -> list[Float[np.ndarray, "tokens roles"]]:
@@ -223,15 +239,8 @@ class Tagger(MiniLM):
         windows.sort(key=lambda w: len(w[2]))
         for k in range(0, len(windows), _ROWS):
             batch = windows[k : k + _ROWS]
-            length = len(batch[-1][2])
-            tokens = np.zeros((len(batch), length), np.int64)
-            types, seen = tokens.copy(), np.zeros(tokens.shape, bool)
-            for row, (_, _, own, head) in enumerate(batch):
-                tokens[row, : len(own)], seen[row, : len(own)] = own, True
-                types[row, head : len(own) - 1] = 1
-            with self._arrays.sparing():
-                hidden = self._forward(tokens, types, None if seen.all() else seen)
-                logits = hidden @ self._role[0] + self._role[1]
+            types = [[0] * head + [1] * (len(own) - 1 - head) + [0] for _, _, own, head in batch]
+            logits = self._logits([own for _, _, own, _ in batch], types)
             logits = np.exp(logits - logits.max(axis=-1, keepdims=True))
             logits /= logits.sum(axis=-1, keepdims=True)
             for row, (i, start, own, head) in enumerate(batch):

@@ -28,7 +28,7 @@ from ...predictors.text.reader import read_sentence
 from ..datasets.natural import Natural
 from ..datasets.one_piece import OnePiece
 from ..datasets.real import CELLS
-from ..datasets.region_sets import baked_light, row_of
+from ..datasets.region_sets import in_baked_light, row_of
 
 MANY = 5  # clauses or more are one column
 RESAMPLES = 4000  # of the objects, for 95 % intervals
@@ -134,9 +134,7 @@ def score(
     right[SCAN] = share(made_scan)
     if made_scan.regions is not None:
         right[CEILING_SCAN] = ceiling(made_scan)[0]
-    rng = np.random.default_rng(0)
-    worn = piece.looks[:, :3] * baked_light(piece.cells, rng)[:, None]
-    worn = (worn + 0.02 * rng.normal(size=worn.shape)).clip(0, 1)
+    worn = in_baked_light(piece, np.random.default_rng(0)).looks[:, :3]
     shown = Appearance(np.zeros_like(colours.colours))
     shown.colours[at] = worn  # type: ignore
     right[WORN] = share(assigned(shown))
