@@ -123,6 +123,7 @@ def with_fibres(matrix: MaterialValue, fibre: str, share: float) -> tuple[Materi
 ELASTIC = 1e8  # Pa: what a hardness makes softer than this is an elastomer, and keeps its volume
 
 HARDNESSES = (("shore_a", modulus_of_shore_a), ("shore_d", modulus_of_shore_d))
+UNSHORED = ("metal", "glass-ceramic", "stone", "wood")  # no scale of Shore's A or D is for these
 
 SAME = 1.02  # two numbers that differ by less are one, in another unit and rounded
 
@@ -195,7 +196,10 @@ def with_numbers(
             value, line = with_fibres(value, fibre, blend.share)
             how.append(line)
     for measure, relation in HARDNESSES:
-        if measure in said:
+        if measure in said and row.category in UNSHORED:
+            told = {"part": part, "text": said[measure].text, "name": row.name}
+            warnings.append(Note("numbers.part_hardness", **told))
+        elif measure in said:
             E, line = relation(said[measure].value)
             value = value._replace(E=E, nu=RUBBER_NU if E < ELASTIC else value.nu)
             how.append(line)

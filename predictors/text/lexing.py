@@ -88,11 +88,14 @@ def lex(text: str, lexicon: ReaderLexicon, names: Sequence[str], *, language: st
             materials.append(
                 Lexeme(atom.text, atom.start, atom.end, "material", row, own, part=True, names=own)
             )
+    coded = [x for x in materials if _CODED.fullmatch(x.text) and not _UNIT.match(text, x.end)]
     unnamed = text
-    for x in materials:  # "PA66" is no pascal
-        if _CODED.fullmatch(x.text) and not _UNIT.match(text, x.end):
-            unnamed = unnamed[: x.start] + " " * len(x.text) + unnamed[x.end :]
-    numbers = numerals(unnamed)
+    for x in coded:  # "PA66" is no pascal, and in "tank wall PE100 12 mm" of no number
+        unnamed = unnamed[: x.start] + " " * len(x.text) + unnamed[x.end :]
+    numbers = [
+        n._replace(start=max([n.start, *(x.end for x in coded if n.start < x.start < n.end)]))
+        for n in numerals(unnamed)
+    ]
     candidates = _spans(text, cut, numbers, materials, lexicon, names, known)
     for lexeme in sorted(candidates, key=lambda x: (x.start - x.end, _RANK.get(x.role, 3))):
         if all(lexeme.end <= c.start or c.end <= lexeme.start for c in out):
@@ -595,7 +598,7 @@ def is_hue(after: Sequence[Lexeme]) -> bool:
 _FIGURE = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _DECIMAL = rf"(?:\d+,\d+|{_FIGURE})"
 _PRESSURE = r"[kMG]?Pa|(?:k|da)?N/mm(?:\^?2|²)|k(?:gf|p)/[mc]m(?:\^?2|²)|[kM]?psi|[kM]si"
-_DENSITY = r"k?g/[cd]?m\^?[³3]|t/m?m\^?[³3]|g/cc|pcf|lbs?/(?:cu\.? ?)?(?:in|ft)\^?[³3]?"
+_DENSITY = r"(?:k|M)?g/[cd]?m\^?[³3]|t/m?m\^?[³3]|g/cc|pcf|lbs?/(?:cu\.? ?)?(?:in|ft)\^?[³3]?"
 _SPACED = r"\s{2,}"  # columns that are aligned
 _WORDS = r"\s+(?![\[(])"  # columns of one word each but the last: "Part E [GPa] Material"
 _SLASHED = r"\s/\s"

@@ -136,7 +136,7 @@ _GAP = r"[\s:=,-]*(?:(?:of|is|about|around|approx\.?|~)\s*)*"
 _SHORE = re.compile(
     rf"(?<!\w)(?:(?:(?i:hardness)\s*(?:of\s*)?)?{_HARD}[\s-]*(?P<s1>[ADad](?!\w))?"
     rf"(?:[ -]?(?i:hardness))?{_GAP}(?P<n1>\d{{1,3}})\s?°?(?:\s?[-(]?(?P<s2>[ADad])\b\)?)?"
-    rf"(?:\s?(?i:shore))?(?![\w%]|\.\d| ?(?:mm|cm|kg|°))"
+    rf"(?:\s?(?i:shore))?(?![\w%]|\.\d| ?(?:mm|cm|[µμu]m|kg|°))"
     rf"|(?i:hardness){_GAP}(?P<n4>\d{{1,3}})\s?°?\s?(?P<s6>[AD])(?!\w)"
     rf"|(?<!\d-)(?P<n2>\d{{1,3}})(?:\s?(?:±|\+/-)\s?\d+)?\s*°?\s?-?(?P<s3>[ADad])?\s?-?"
     rf"(?:on the )?{_HARD}(?:\s(?i:shore))?(?:[\s-]*(?P<s4>[AD])(?!\w))?(?: scale)?(?!\w)"
@@ -377,6 +377,7 @@ def number(text: str) -> float:
 @lru_cache(maxsize=256)
 def _si(unit: str) -> tuple[str | None, float]:
     """What a unit measures, None for nothing of ours, and how much of SI it is."""
+    unit = re.sub(r"^Mg(?=\W)", "t", unit)  # a megagram; of any other m, careless hands decide
     name = DATA["units"]["named"].get(unit.strip().lower())
     for times, atom in [] if name else re.findall(rf"({_TIMES})?({_ATOM})", unit):
         sign = "/" if "/" in times or "per" in times.lower() else "*"

@@ -16,12 +16,27 @@ def test_numbers_are_si(clauses_of):
         ("the plate is oak and weighs 1.2 kg", {"mass": 1.2}),
         ("plate: PLA, 20 % infill", {"infill": 0.2}),
         ("plate modulus 10 ksi, rho 62.428 lb/ft3", {"E": 68.947572932e6, "rho": 1000.0}),
+        ("plate: clay, density 2.1 Mg/m3", {"rho": 2100.0}),  # megagrams
+        ("plate: clay, 2.1 Mg·m⁻³", {"rho": 2100.0}),
+        ("plate: clay, 2.1 Mg m-3", {"rho": 2100.0}),
+        ("plate: clay, 2.1 Mg per m3", {"rho": 2100.0}),
+        ("plate: 70 GPa / 0.33 / 2.7 Mg/m3", {"E": 7e10, "nu": 0.33, "rho": 2700.0}),
+        ("plate: EVA foam 45 Shore C", {}),  # neither of its scales, nor a density
+        ("plate: EVA foam 45", {"rho": 45.0}),
+        ("plate: PVC foam 80 Sheet", {"rho": 80.0}),
+        ("plate anodizado duro 30 \u00b5m", {}),  # "duro" is hard, and no durometer
         ("plate: PET, 30 \u00b5m thick", {"thickness": 30e-6}),  # the sign micro
         ("plate: PET, 30 \u03bcm thick", {"thickness": 30e-6}),  # the Greek letter
     ]:
         (said, *_) = clauses_of(text, ["plate"])["plate"]
         read = {q.measure: q.value for q in said.numbers}
         assert read == pytest.approx(wanted, rel=1e-5), text  # 62.428 is rounded at 1e-5
+
+
+def test_a_plastic_between_a_wall_and_its_thickness_is_its_matter(clauses_of):
+    (said, *_) = clauses_of("tank wall PE100 12 mm welded, lid PVC", ["wall", "lid"])["wall"]
+    assert said.material == "HDPE"
+    assert [(q.measure, q.value) for q in said.numbers] == [("thickness", pytest.approx(12e-3))]
 
 
 @pytest.mark.slow

@@ -31,6 +31,18 @@ def test_hardness_gives_the_modulus_of_its_paper():
         assert "outside" not in relation(50).how
 
 
+def test_a_hardness_of_shore_is_not_of_what_has_none():
+    """Steel stays steel, beside "60 Shore A" of a buffer, and that is told; rubber follows it."""
+    hard = [Quantity("shore_a", 60.0, "60 Shore A")]
+    for row in (STEEL, OAK, TABLE.exact("window glass"), TABLE.exact("granite")):
+        said = with_numbers("spring", row, row.value(), hard)
+        assert said.value == row.value(), row.name
+        assert [note.kind for note in said.warnings] == ["numbers.part_hardness"]
+    said = with_numbers("buffer", RUBBER, RUBBER.value(), hard)
+    assert said.value.E == modulus_of_shore_a(60.0).value
+    assert not said.warnings
+
+
 def test_infill_is_open_cells():
     """Gibson and Ashby: a share s keeps s^2 of E and s of rho; a full print is the solid."""
     solid = NYLON.value()
