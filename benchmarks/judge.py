@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from autophyx_tet.predictors.text import tagger as judge
 from scipy.optimize import minimize
-from sentences import SETS, _read, assigned, is_right
+from sentences import SETS, _read, allows, assigned, is_right
 
 FITTED = SETS[SETS.index("sixteenth_engineers") :]
 RIDGE = 3.0  # penalty of the squares of the weights
@@ -70,7 +70,8 @@ def parts_of(names: Sequence[str], options: Sequence[str]) -> list[dict[str, Any
                         {
                             "set": name, "sentence": sentence["id"], "part": part, "facts": facts,
                             "right": {r.reader: right[part][r.reader] for r in readings},
-                            "aside": bool(sentence.get("must_warn") or sentence.get("or_warn")),
+                            "aside": bool(sentence.get("must_warn"))
+                            or any(allows(sentence, each) for each in wanted.values()),
                         }
                     )  # fmt: skip
     judge.readings_of = every

@@ -44,6 +44,18 @@ def test_a_missing_file_is_no_doubt_about_words(sentences, tmp_path):
     assert right.right
 
 
+def test_what_a_part_allows_is_allowed_to_it_alone(sentences, tmp_path):
+    """Of a matter that nobody knows both are told, and one of them may be wrong then."""
+    sentence = {
+        **SENTENCE, "must_warn": "", "text": "the legs and the seat are vibranium",
+        "parts": {"legs": {"band": "steel", "or_warn": True}, "seat": "steel"},
+    }  # fmt: skip
+    legs, seat = sentences.score_sentence(sentence, BANDS, tmp_path)
+    assert (legs.warned, seat.warned) == (True, True)
+    assert (legs.right, legs.plainly, seat.right) == (True, False, False)
+    assert legs.needless is None
+
+
 def test_the_last_look_at_a_held_out_set_is_its_row(root, sentences):
     """Who scores one and keeps the figure to themselves leaves a look without a row."""
     looks = [json.loads(line) for line in sentences.LOOKS.read_text().splitlines()]
