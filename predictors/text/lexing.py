@@ -598,7 +598,7 @@ def is_hue(after: Sequence[Lexeme]) -> bool:
 _FIGURE = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _DECIMAL = rf"(?:\d+,\d+|{_FIGURE})"
 _PRESSURE = r"[kMG]?Pa|(?:k|da)?N/mm(?:\^?2|²)|k(?:gf|p)/[mc]m(?:\^?2|²)|[kM]?psi|[kM]si"
-_DENSITY = r"(?:k|M)?g/[cd]?m\^?[³3]|t/m?m\^?[³3]|g/cc|pcf|lbs?/(?:cu\.? ?)?(?:in|ft)\^?[³3]?"
+_DENSITY = r"[kM]?g/[cd]?m\^?[³3]|t/m?m\^?[³3]|g/cc|pcf|lbs?/(?:cu\.? ?)?(?:in|ft)\^?[³3]?"
 _SPACED = r"\s{2,}"  # columns that are aligned
 _WORDS = r"\s+(?![\[(])"  # columns of one word each but the last: "Part E [GPa] Material"
 _SLASHED = r"\s/\s"
