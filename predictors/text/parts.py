@@ -21,6 +21,7 @@ def part_words() -> Mapping[str, Any]:
 
 def as_written(name: str) -> list[str]:
     """Words of a part's name as the file has them: "BRGHousing_2" -> brg housing 2."""
+    name = re.sub(r"(?<=\d)[xX×](?=\d)", " ", name)  # "M8x40", so that "4x" is no part
     spaced = re.sub(r"(?<=[a-z])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])|(?<=[^\W\d_])(?=\d)", " ", name)
     return [word.lower() for word in re.findall(r"[^\W\d_]+|\d+", spaced)]
 

@@ -199,3 +199,12 @@ def test_what_fills_a_thing_is_of_loose_matter():
     found, _ = read("filling lid", "the filling is sawdust, the lid is oak")
     assert found["filling"].row.name == "sawdust (contents)"
     assert found["filling"].unknown is None
+
+
+def test_a_count_is_no_part_of_a_screws_name_and_a_piece_no_stucco():
+    """ "4x" against "M8x40"; umlauts are tolerated, and "Stück" is not "Stuck"."""
+    caps, screw = "04_Fusskappe", "05_ISO4762_M8x40"
+    got, _ = read(f"{caps} {screw}", "Pos 4 Fußkappen PUR 90 ShA 4x / Pos 5 ISO 4762 M8x40 8.8 vz")
+    assert got[caps].material == "thermoplastic polyurethane (TPU)"
+    got, _ = read("claw_bowl liner", "Zitzengummi Silikon, Sammelstück ebenfalls PSU")
+    assert "plaster" not in {each.material for each in got.values()}

@@ -62,7 +62,8 @@ def _lost(text, names, table):
         own = {bare(word).removesuffix(end) for end in ("", "s", "e", "en")}
         if (matter or strange) and not glued and not {word, stem, *own} & (known | IDLE):
             inside = any(a <= m.start() < b for a, b in spans)
-            if not inside and word not in told:
+            # Told as the user writes it, or as its English gloss
+            if not inside and word not in told and m[0].lower() not in told:
                 lost.append(m[0])
     return lost
 
