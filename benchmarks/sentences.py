@@ -66,7 +66,7 @@ SETS = (
     "twentyfourth_engineers", "twentyfourth_trades", "twentyfourth_languages",
     # Written for development, and never held out: nine of engineers, three of other languages,
     # three of trades, one of all.
-    *(f"development_{letter}" for letter in "abcdefghijklmnop"),
+    *(f"development_{letter}" for letter in "abcdefghijklmnopqr"),
 )  # fmt: skip
 EXACT = 1e-4  # stated numbers come out as stated; who converted psi by hand kept five digits
 NOTHING_KNOWN = ("unknown", "open")

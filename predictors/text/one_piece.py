@@ -7,9 +7,10 @@ thing has it ("a fruit bowl" has no fruit), and which words name the part of it 
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
+from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
 
@@ -23,13 +24,25 @@ from .lexing import lex
 from .materials import lexicon_of
 from .parts import part_words, stem
 from .reader import parse
-from .tagger import CLS, SEP, WEIGHTS, Tagger, place_of, words_of
+from .tagger import (
+    CLS,
+    SEP,
+    WEIGHTS,
+    Tagger,
+    Words,
+    load_tagger,
+    place_of,
+    shown_name,
+    with_second_opinion,
+    words_of,
+)  # fmt: skip
 
 OWNERS = Path(__file__).parents[1] / "weights" / "one_piece.safetensors"
 MEANT, HEARD = 0.5, 0.2  # chance from which the thing has a matter, and one that was heard
 NAMED = 0.3  # chance from which a word names the part; the likeliest one does from
 LIKELIEST = 0.1  # this one
 _ROWS = 8  # questions at once
+_LIST = 3  # matters of a list
 _ENDS = ".'’"  # of a word that a sentence ends with
 _JOINED = re.compile(r"[,/&]|\band\b")  # "seat and back"
 _LISTED = re.compile(r"\s*(?:[,/&]|,?\s*\b(?:and|or)\b)\s*")
@@ -46,18 +59,22 @@ class Owned(NamedTuple):
 
 
 class OwnerFinder(Tagger):
-    """Finds what has a matter: "matter [SEP] text", the matter's own place marked in the text."""
+    """Finds what has a matter: "matter [SEP] name of the thing [SEP] text".
+
+    The matter's own place is marked in the text.
+    """
 
     def __init__(self) -> None:
         super().__init__(learned=(WEIGHTS, OWNERS))
 
-    def owners(self, text: str, matters: Sequence[Place]) -> list[Owned]:
-        """What the text says of each of its matters, given by their places."""
+    def owners(self, text: str, matters: Sequence[Place], name: str) -> list[Owned]:
+        """What the text says of each of its matters, given by their places, and a thing's name."""
         encoded = self._tokenizer.encode(text, add_special_tokens=False)
+        called = self._tokenizer.encode(shown_name(name), add_special_tokens=False).ids
         rows = []
         for place in matters:
             words = self._tokenizer.encode(text[slice(*place)], add_special_tokens=False).ids
-            head = [CLS, *words, SEP]
+            head = [CLS, *words, SEP, *called, SEP]
             own = np.array([over(offset, place) for offset in encoded.offsets])
             room = MAX_TOKENS - len(head) - 1  # of a longer text what lies around it is seen
             first = int(np.clip(own.argmax() - room // 2, 0, max(len(own) - room, 0)))
@@ -111,15 +128,22 @@ def load_owner_finder() -> OwnerFinder:
 def of_one_piece(bound: Bound, labels: Sequence[Sequence[str]], table: MaterialTable) -> Bound:
     """Return what a text says of a thing in one piece, by its own words for parts.
 
+    Where only one part of it is spoken of, it has one matter, as a part among others.
+
     bound: What the grammar read.
     labels: What the asset calls the thing.
     table: Whose rows are materials.
     """
-    text, lexicon = bound.sentence.text, lexicon_of(table)
-    matters = [x for x in lex(text, lexicon, ()).lexemes if x.role == "material"]
-    if len(matters) < 2:
-        return bound
-    asked = load_owner_finder().owners(text, [(x.start, x.end) for x in matters])
+    text, lexicon, name = bound.sentence.text, lexicon_of(table), labels[0][0]
+    lexemes = [x for x in lex(text, lexicon, ()).lexemes if x.role == "material"]
+    of: dict[Place, Material] = {(x.start, x.end): x.value for x in lexemes}
+    for clause in bound.sentence.clauses:  # "abs", in small letters, the grammar reads alone
+        place = place_of(clause, text)
+        if clause.material and text[slice(*place)].strip() and not any(over(place, x) for x in of):
+            of[place] = table.exact(clause.material)
+    if not of:
+        return _of_one_matter(bound, [], labels, table)
+    asked = load_owner_finder().owners(text, sorted(of), name)
 
     def is_listed(one: Owned, place: Place) -> bool:
         """Whether words for a part are a matter of one list with it: "oak, steel and brass"."""
@@ -135,16 +159,26 @@ def of_one_piece(bound: Bound, labels: Sequence[Sequence[str]], table: MaterialT
 
     listed = [place for one in asked for place in one.parts if is_listed(one, place)]
     found: list[Owned] = []
-    for one, lexeme in zip(asked, matters, strict=True):
+    for one in asked:
         others = tuple(x for x in one.parts if x not in listed and not over(x, one.matter))
         parts = others or tuple(x for x in one.parts if x not in listed)
         chance = 1.0 if any(over(one.matter, x) for x in listed) else one.chance
-        chance = 0.0 if is_purpose(lexeme.value, lexeme.end) else chance
+        chance = 0.0 if is_purpose(of[one.matter], one.matter[1]) else chance
         found.append(Owned(one.matter, chance, parts))
     found = [
         one for one, following in zip(found, [*found[1:], None], strict=True)
         if not (following and _is_said_of(one, following, text))
     ]  # fmt: skip
+    for run in _lists([one.matter for one in found], text):  # one meant, all meant; no parts
+        most = max(one.chance for one in found if one.matter in run)
+        for k, one in enumerate(found):
+            if one.matter in run:
+                parts = tuple(x for x in one.parts if not any(over(x, y) for y in run))
+                found[k] = Owned(one.matter, most, parts)
+    subjects = [clause.subject for clause in bound.sentence.clauses]
+    apart = any(x.scope == "rest" or x.exceptions for x in subjects)
+    if not (apart or _are_apart([one for one in found if one.chance > MEANT], of, text)):
+        return _of_one_matter(bound, found, labels, table)
 
     def subject(owned: Sequence[Owned], before: Subject) -> Subject:
         names = tuple(dict.fromkeys(
@@ -191,6 +225,80 @@ def of_one_piece(bound: Bound, labels: Sequence[Sequence[str]], table: MaterialT
         for c in sorted(clauses, key=lambda c: c.span)
     ]
     return bind(replace(bound.sentence, clauses=tuple(seen)), labels)
+
+
+def _are_apart(meant: Sequence[Owned], of: Mapping[Place, Material], text: str) -> bool:
+    """Whether different parts have different matters, or they are a list: "oak, steel and brass".
+
+    Of designations beside each other one is the other's: "EN AC-46000 (AlSi9Cu3(Fe))".
+    """
+    kept: list[tuple[Owned, set[str]]] = []
+    for one in meant:
+        words = {stem(word) for a, b in one.parts for word in _WORD.findall(text[a:b].lower())}
+        before = kept[-1][0].matter if kept else None
+        beside = before and not re.search(r"[^\W\d_]", text[before[1] : one.matter[0]])
+        if not (before and beside and of[before].category == of[one.matter].category):
+            kept.append((one, words))
+    for i, (b, two) in enumerate(kept):
+        for a, one in kept[:i]:
+            if of[a.matter] is of[b.matter] or one & two:
+                continue
+            if one != two:
+                return True
+    runs = _lists([one.matter for one in meant], text)
+    return any(len({of[x].category for x in run}) > 1 for run in runs)
+
+
+def _lists(matters: Sequence[Place], text: str) -> Iterator[Sequence[Place]]:
+    """Three matters and more that follow one another: "oak, steel and brass"."""
+    ends = [
+        k for k, (a, b) in enumerate(pairwise(matters), 1)
+        if "or" in (gap := text[a[1] : b[0]]) or not _LISTED.fullmatch(gap)
+    ]  # fmt: skip
+    for first, last in pairwise([0, *ends, len(matters)]):
+        if last - first >= _LIST:
+            yield matters[first:last]
+
+
+def _of_one_matter(
+    bound: Bound, found: Sequence[Owned], labels: Sequence[Sequence[str]], table: MaterialTable
+) -> Bound:
+    """What a text says of a thing that is of one matter: of all that it names, those it has."""
+    text, clauses = bound.sentence.text, bound.sentence.clauses
+    (said,) = load_tagger().said([labels[0][0]], text, bound.sentence.gloss)
+    meant = [one.matter for one in found if one.chance > MEANT]
+    heard = [w[1:] for w in said.words if w.role == "matter"]
+    foreign = [  # where none is meant, the tagger's are
+        one.matter for one in found
+        if one.chance <= HEARD and (meant or not any(over(one.matter, x) for x in heard))
+    ]  # fmt: skip
+
+    def is_foreign(place: Place) -> bool:
+        mine = any(over(place, x) for x in meant)
+        return not mine and any(over(place, x) for x in foreign)
+
+    clauses = [c for c in clauses if not (c.material and is_foreign(place_of(c, text)))]
+    bound = bind(replace(bound.sentence, clauses=tuple(clauses)), labels)
+    words = [w for w in said.words if w.role not in ("matter", "number") or not is_foreign(w[1:])]
+
+    def add(role: str, place: Place) -> None:
+        if not any(over(place, w[1:]) for w in words):
+            words.append(Words(role, *place))
+
+    for place in meant:
+        add("matter", place)
+    # Of numbers that the grammar heard nobody else has any: "..., silicone. We use E = 70 kPa"
+    for clause in clauses:
+        for number in clause.numbers if meant or words else ():
+            at = text.find(number.text, clause.span[0])
+            if at >= 0 and number.measure in ("E", "nu", "rho"):
+                add("number", (at, at + len(number.text)))
+    if tuple(words) != said.words:
+        sure = min((max(one.chance, 1 - one.chance) for one in found), default=1.0)
+        within = min((one.chance for one in found if one.matter in meant), default=1.0)
+        words.sort(key=lambda w: w.start)
+        said = replace(said, words=tuple(words), certainty=sure, within=within)
+    return with_second_opinion(bound, labels, table, [said])
 
 
 def _is_said_of(one: Owned, following: Owned, text: str) -> bool:

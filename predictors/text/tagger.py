@@ -527,22 +527,24 @@ def load_judge() -> Judge:
 
 
 def with_second_opinion(
-    bound: Bound, labels: Sequence[Sequence[str]], table: MaterialTable
+    bound: Bound, labels: Sequence[Sequence[str]], table: MaterialTable, every: Sequence[Said] = ()
 ) -> Bound:
     """Return what a text says of every part, each by the reading that is likeliest right.
 
     bound: What the grammar read, and of which part.
     labels: For each part its name, then all other words that the asset has for it.
     table: Whose rows are materials.
+    every: What is heard of each part, by default by the tagger.
     """
     names, text = [own[0] for own in labels], bound.sentence.text
-    if not text.strip() or len(names) < 2:
+    if not text.strip():
         return bound
     judge = load_judge()
     clauses, parts = [*bound.sentence.clauses], [*bound.parts]
     taken: list[tuple[int, int]] = []  # where the words stand that are read anew
-    every = load_tagger().said(names, text, bound.sentence.gloss)
-    every = shared_out(every, bound, without_prefix(names))
+    if not every:
+        every = load_tagger().said(names, text, bound.sentence.gloss)
+        every = shared_out(every, bound, without_prefix(names))
     for i, said in enumerate(every):
         readings, facts = readings_of(i, bound, every, labels, table)
         chances = {r.reader: judge.chance(r.reader, facts) for r in readings}

@@ -1,13 +1,17 @@
 """Training of the network of things in one piece: which words name the part that has a matter.
 
-It begins with the tagger and learns from two sources, as often from each: what hands said of real
-things (``datasets/data/naturals_*.toml``), where the words for part and matter are on record, and
-the tagger's marked texts, where a part's name stands in the text once. Matters that nothing is
-made of ("a fruit bowl") are those of which no clause speaks.
+It begins with the tagger and learns from three sources, as often from each: what hands said of real
+things (``datasets/data/naturals_*.toml``), where the words for part and matter are on record; what
+others wrote of one thing, with every matter beside it ("runs in a bronze bush";
+``datasets/data/things.jsonl``); and the tagger's marked texts, where a part's name stands in the
+text once. Matters that nothing is made of ("a fruit bowl") are those of which no clause speaks; of
+a marked text those of the other parts, where the thing is called after one.
 """
 
 from __future__ import annotations
 
+import json
+import random
 import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -36,6 +40,10 @@ RANK = 16  # of the changes of the dense layers
 LONGEST = 150  # tokens of a text; longer ones are left out
 EXCHANGED = 0.5  # share of matters whose words another's stand for
 PADDING = -1  # in place of a label
+THINGS = Path(__file__).parents[1] / "datasets" / "data" / "things.jsonl"
+# What a file calls a thing that it has no name for.
+NAMELESS = ("object", "mesh", "mesh 0", "body 1", "part", "model", "group 2", "node 0", "solid")
+UNNAMED = 0.2  # share of named things that are called so all the same
 _WORD = re.compile(r"[^\W\d_]+")
 
 
@@ -44,12 +52,14 @@ class Asked(NamedTuple):
 
     parts: Where the words stand that name what has it; None where that is not known.
     meant: Whether the thing has it.
+    name: What the file calls the thing, "" where it has no name.
     """
 
     text: str
     matter: Place
     parts: tuple[Place, ...] | None
     meant: bool
+    name: str = ""
 
 
 def matters_of(text: str) -> list[Place]:
@@ -85,9 +95,26 @@ def of_natural(natural: Natural) -> Iterator[Asked]:
         yield Asked(text, place, tuple(filter(None, mine)), bool(mine))
 
 
+def of_thing(line: str) -> Iterator[Asked]:
+    """What a text about one thing asks, a line of ``THINGS``: in its order, each matter is told."""
+    told, at = json.loads(line), 0
+    text = told["text"]
+    for words, meant, part in told["matters"]:
+        start = text.index(words, at)
+        at = start + len(words)
+        found = re.finditer(r"\b" + re.escape(part), text, re.IGNORECASE) if part else ()
+        near = min(found, key=lambda m: abs(m.start() - start), default=None)
+        parts = ((near.start(), near.end()),) if near else ()
+        yield Asked(text, (start, at), parts, bool(meant), told["name"])
+
+
 def of_template(template: Template) -> Iterator[Asked]:
-    """What a marked text asks; parts are known where each one's last word stands in it once."""
-    text = template.text
+    """What a marked text asks; parts are known where each one's last word stands in it once.
+
+    Once of all of it, and once of one of its parts, which then is all that the file has.
+    """
+    text, dice = template.text, random.Random(template.text)
+    only = dice.randrange(len(template.names))
     words = [(m.start(), m.end(), stem(m[0])) for m in _WORD.finditer(text)]
     for place in matters_of(text):
         spans = [span for span in template.spans if over((span.start, span.end), place)]
@@ -111,7 +138,9 @@ def of_template(template: Template) -> Iterator[Asked]:
                 first -= 1
             parts.append((words[first][0], words[ends[0]][1]))
         known = len(parts) == len(owners) > 0
-        yield Asked(text, place, tuple(parts) if known else None, bool(owners))
+        named = tuple(parts) if known else None
+        yield Asked(text, place, named, bool(owners))
+        yield Asked(text, place, named, only in owners, template.names[only])
 
 
 class OwnerBatch(NamedTuple):
@@ -131,9 +160,13 @@ class OwnerBatch(NamedTuple):
 
 
 class Encoded(NamedTuple):
-    """Tokens of a matter's words and of a text, where its own stand there, and each one's label."""
+    """Tokens of a matter's words, of the thing's name and of a text.
+
+    Where the matter's own stand there, and each one's label.
+    """
 
     words: list[int]
+    name: list[int]
     text: list[int]
     own: slice
     named: list[int]
@@ -148,35 +181,52 @@ def encoded(asked: Sequence[Asked], tokenizer: Any) -> list[Encoded]:
         own = [i for i, place in enumerate(text.offsets) if over(place, one.matter)]
         if not own or len(text.ids) > LONGEST:
             continue
-        words = tokenizer.encode(one.text[slice(*one.matter)], add_special_tokens=False).ids
+        words, name = (
+            tokenizer.encode(said, add_special_tokens=False).ids
+            for said in (one.text[slice(*one.matter)], shown_name(one.name) if one.name else "")
+        )
         named = [PADDING] * len(text.ids)
         if one.meant and one.parts is not None:
             named = [int(any(over(place, part) for part in one.parts)) for place in text.offsets]
-        out.append(Encoded(words, text.ids, slice(own[0], own[-1] + 1), named, one.meant))
+        out.append(Encoded(words, name, text.ids, slice(own[0], own[-1] + 1), named, one.meant))
     return out
 
 
 class OwnerSampler:
-    """Draws batches, as many from each of the sources; some matters have another one's words."""
+    """Draws batches, as many from each of the sources; some matters have another one's words.
 
-    def __init__(self, sources: Sequence[Sequence[Encoded]], *, seed: int, device: str) -> None:
-        self.sources, self.device = sources, device
+    ``nameless`` are tokens of names of what has none.
+    """
+
+    def __init__(
+        self,
+        sources: Sequence[Sequence[Encoded]],
+        nameless: Sequence[list[int]],
+        *,
+        seed: int,
+        device: str,
+    ) -> None:
+        self.sources, self.nameless, self.device = sources, nameless, device
         self.generator = torch.Generator().manual_seed(seed)
         self.words = [one.words for each in sources for one in each if one.meant]
 
     def draw(self, n: int) -> OwnerBatch:
         """Return n questions."""
-        chosen = [self._varied(self._one_of(self._one_of(self.sources))) for _ in range(n)]
+        kinds = torch.randint(len(self.sources), (n,), generator=self.generator).tolist()
+        last = len(self.sources) - 1  # the marked texts: called after a part, it is that part
+        chosen = [self._varied(self._one_of(self.sources[k]), part=k == last) for k in kinds]
         return batch_of(chosen, self.device)
 
-    def _varied(self, one: Encoded) -> Encoded:
+    def _varied(self, one: Encoded, part: bool = False) -> Encoded:
+        if not one.name or (not part and torch.rand(1, generator=self.generator) < UNNAMED):
+            one = one._replace(name=self._one_of(self.nameless))
         marked = 1 in one.named[one.own] or PADDING in one.named
         if marked or not one.meant or torch.rand(1, generator=self.generator) > EXCHANGED:
             return one
         words, (first, last) = self._one_of(self.words), (one.own.start, one.own.stop)
         text = [*one.text[:first], *words, *one.text[last:]]
         named = [*one.named[:first], *[0] * len(words), *one.named[last:]]
-        return Encoded(words, text, slice(first, first + len(words)), named, one.meant)
+        return Encoded(words, one.name, text, slice(first, first + len(words)), named, one.meant)
 
     def _one_of(self, things: Sequence[Any]) -> Any:
         return things[int(torch.randint(len(things), (1,), generator=self.generator))]
@@ -184,12 +234,12 @@ class OwnerSampler:
 
 def batch_of(chosen: Sequence[Encoded], device: str) -> OwnerBatch:
     """Put questions side by side."""
-    length = max(len(one.words) + len(one.text) + 3 for one in chosen)
+    length = max(len(one.words) + len(one.name) + len(one.text) + 4 for one in chosen)
     tokens, types = np.zeros((2, len(chosen), length), np.int64)
     seen, own = np.zeros((2, len(chosen), length), bool)
     named = np.full(tokens.shape, PADDING)
     for row, one in enumerate(chosen):
-        head = [CLS, *one.words, SEP]
+        head = [CLS, *one.words, SEP, *one.name, SEP]
         text = slice(len(head), len(head) + len(one.text))
         tokens[row, : text.stop + 1] = [*head, *one.text, SEP]
         seen[row, : text.stop + 1] = True
@@ -243,12 +293,14 @@ def train_owners(
     hands = [one for natural in naturals(sweethome3d.TRAINING) for one in of_natural(natural)]
     texts = [template for template in load_templates() if template.language == "en"]
     marked = [one for template in texts for one in of_template(template)]
-    sources = [encoded(each, tagger._tokenizer) for each in (hands, marked)]
+    things = [one for line in THINGS.read_text("utf-8").splitlines() for one in of_thing(line)]
+    sources = [encoded(each, tagger._tokenizer) for each in (hands, things, marked)]
+    nameless = [tagger._tokenizer.encode(n, add_special_tokens=False).ids for n in NAMELESS]
     weights = {name: torch.from_numpy(x.copy()) for name, x in tagger._weights.items()}
     network = TaggerNetwork(weights, roles=2, rank=RANK, word_rank=0)
     return train_network(
         network,
-        OwnerSampler(sources, seed=seed, device=options.device),
+        OwnerSampler(sources, nameless, seed=seed, device=options.device),
         owner_loss,
         options,
         forward=lambda net, batch: net.logits(batch.tokens, batch.types, batch.seen),

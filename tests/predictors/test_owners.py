@@ -10,11 +10,13 @@ from autophyx_tet.predictors.text.tagger import load_tagger
 from autophyx_tet.research.datasets.natural import Meant, Natural
 from autophyx_tet.research.training.owners import (
     RANK,
+    THINGS,
     OwnerSampler,
     batch_of,
     encoded,
     of_natural,
     of_template,
+    of_thing,
     owner_loss,
 )
 from autophyx_tet.research.training.tagger.recipe import TaggerNetwork, save_learned
@@ -53,17 +55,38 @@ def test_a_marked_text_says_what_is_meant_and_what_names_it():
         words(template.text, one.matter): (
             one.meant, one.parts and tuple(words(template.text, p) for p in one.parts)
         )
-        for one in of_template(template)
+        for one in of_template(template) if not one.name
     }  # fmt: skip
     assert found == {
         "oak": (True, ("Lid",)), "teak": (False, None), "zinc": (True, ("box",)),
         "steel": (False, None),
     }  # fmt: skip
+    # And of a file that has but one of the parts
+    named = {words(template.text, x.matter): x.meant for x in of_template(template) if x.name}
+    (only,) = {one.name for one in of_template(template) if one.name}
+    assert named == {
+        "oak": only == "lid", "zinc": only == "box", "teak": False, "steel": False,
+    }  # fmt: skip
+
+
+def test_of_one_thing_every_matter_is_told():
+    line = (
+        '{"name": "roller_2", "text": "PEEK tyre on a steel hub, steel pin by others",'
+        ' "matters": [["PEEK", 1, "tyre"], ["steel", 1, "hub"], ["steel", 0, "pin"]]}'
+    )
+    found = [*of_thing(line)]
+    assert [(one.matter[0], one.meant) for one in found] == [(0, True), (15, True), (26, False)]
+    assert [words(one.text, place) for one in found for place in one.parts] == [
+        "tyre", "hub", "pin",
+    ]  # fmt: skip
+    lines = THINGS.read_text("utf-8").splitlines()
+    assert all([*of_thing(each)] for each in lines)
 
 
 @pytest.fixture(scope="module")
 def asked():
-    return encoded([*of_natural(SAID)], load_tagger()._tokenizer)
+    asked = [one._replace(name="object") for one in of_natural(SAID)]
+    return encoded(asked, load_tagger()._tokenizer)
 
 
 def test_a_batch_marks_the_matter_and_never_as_the_text(asked):
@@ -76,7 +99,7 @@ def test_a_batch_marks_the_matter_and_never_as_the_text(asked):
 
 
 def test_another_matter_stands_where_it_stood(asked):
-    sampler = OwnerSampler([asked], seed=3, device="cpu")
+    sampler = OwnerSampler([asked], [[5]], seed=3, device="cpu")
     varied = [sampler._varied(asked[1]) for _ in range(40)]
     assert len({tuple(one.words) for one in varied}) > 1
     for one in varied:
@@ -109,7 +132,7 @@ def test_numpy_finds_what_torch_trains_and_it_learns(asked, tmp_path, monkeypatc
         chance = ((logits[..., 1] * own).sum(1) / own.sum(1)).sigmoid().numpy()
     save_learned(network, tmp_path / "one_piece.safetensors")
     monkeypatch.setattr(one_piece, "OWNERS", tmp_path / "one_piece.safetensors")
-    found = one_piece.OwnerFinder().owners(TEXT, [one.matter for one in of_natural(SAID)])
+    found = one_piece.OwnerFinder().owners(TEXT, [one.matter for one in of_natural(SAID)], "object")
     # bytes in place of single precision: a hundredth of a chance
     np.testing.assert_allclose([one.chance for one in found], chance, atol=0.02)
     assert [[words(TEXT, p) for p in one.parts] for one in found[1:3]] == [
