@@ -22,7 +22,7 @@ from .clauses import Bound, Clause, Place, Subject, bind, over
 from .english import words as lists
 from .lexing import lex
 from .materials import lexicon_of
-from .parts import part_words, stem
+from .parts import part_name_words, part_words, stem
 from .reader import parse
 from .tagger import (
     CLS,
@@ -41,8 +41,10 @@ OWNERS = Path(__file__).parents[1] / "weights" / "one_piece.safetensors"
 MEANT, HEARD = 0.5, 0.2  # chance from which the thing has a matter, and one that was heard
 NAMED = 0.3  # chance from which a word names the part; the likeliest one does from
 LIKELIEST = 0.1  # this one
+CALLED, LONGEST_NAME = "object", 24  # a thing without a name; tokens of a name
 _ROWS = 8  # questions at once
 _LIST = 3  # matters of a list
+_ALIAS = re.compile(r"\s*[(\[/=,]?\s*(?:i\.?e\.?)?\s*")  # before another name of a matter
 _ENDS = ".'’"  # of a word that a sentence ends with
 _JOINED = re.compile(r"[,/&]|\band\b")  # "seat and back"
 _LISTED = re.compile(r"\s*(?:[,/&]|,?\s*\b(?:and|or)\b)\s*")
@@ -68,9 +70,21 @@ class OwnerFinder(Tagger):
         super().__init__(learned=(WEIGHTS, OWNERS))
 
     def owners(self, text: str, matters: Sequence[Place], name: str) -> list[Owned]:
-        """What the text says of each of its matters, given by their places, and a thing's name."""
+        """What the text says of each of its matters, given by their places, and a thing's name.
+
+        By its name it knows the thing amid others that the text speaks of, and takes its own parts
+        for others; without one, the other way round: the odds are the means of both.
+        """
+        of_any, of_thing = (self._asked(text, matters, said) for said in (CALLED, shown_name(name)))
+        return [
+            Owned(one.matter, float(1 / (1 + np.exp(-(one.chance + other.chance) / 2))), one.parts)
+            for one, other in zip(of_any, of_thing, strict=True)
+        ]
+
+    def _asked(self, text: str, matters: Sequence[Place], name: str) -> list[Owned]:
+        """The same of a thing that is called so; the chances are logarithms of odds."""
         encoded = self._tokenizer.encode(text, add_special_tokens=False)
-        called = self._tokenizer.encode(shown_name(name), add_special_tokens=False).ids
+        called = self._tokenizer.encode(name, add_special_tokens=False).ids[:LONGEST_NAME]
         rows = []
         for place in matters:
             words = self._tokenizer.encode(text[slice(*place)], add_special_tokens=False).ids
@@ -92,7 +106,7 @@ class OwnerFinder(Tagger):
                 chance = 1 / (1 + np.exp(-said[:, 0]))
                 offsets = encoded.offsets[first : first + len(own)]
                 parts = _named(text, offsets, chance)
-                found.append(Owned(place, float(1 / (1 + np.exp(-said[own, 1].mean()))), parts))
+                found.append(Owned(place, float(said[own, 1].mean()), parts))
         return found
 
 
@@ -128,13 +142,13 @@ def load_owner_finder() -> OwnerFinder:
 def of_one_piece(bound: Bound, labels: Sequence[Sequence[str]], table: MaterialTable) -> Bound:
     """Return what a text says of a thing in one piece, by its own words for parts.
 
-    Where only one part of it is spoken of, it has one matter, as a part among others.
+    It has one matter, as a part among others, where no two of its parts have two.
 
     bound: What the grammar read.
     labels: What the asset calls the thing.
     table: Whose rows are materials.
     """
-    text, lexicon, name = bound.sentence.text, lexicon_of(table), labels[0][0]
+    text, lexicon = bound.sentence.text, lexicon_of(table)
     lexemes = [x for x in lex(text, lexicon, ()).lexemes if x.role == "material"]
     of: dict[Place, Material] = {(x.start, x.end): x.value for x in lexemes}
     for clause in bound.sentence.clauses:  # "abs", in small letters, the grammar reads alone
@@ -143,13 +157,7 @@ def of_one_piece(bound: Bound, labels: Sequence[Sequence[str]], table: MaterialT
             of[place] = table.exact(clause.material)
     if not of:
         return _of_one_matter(bound, [], labels, table)
-    asked = load_owner_finder().owners(text, sorted(of), name)
-
-    def is_listed(one: Owned, place: Place) -> bool:
-        """Whether words for a part are a matter of one list with it: "oak, steel and brass"."""
-        other = any(over(place, x.matter) for x in asked if x is not one)
-        first, last = sorted((place, one.matter))
-        return other and _LISTED.fullmatch(text[first[1] : last[0]]) is not None
+    asked = load_owner_finder().owners(text, sorted(of), labels[0][0])
 
     def is_purpose(row: Material, end: int) -> bool:
         """Whether it tells what a thing is for: "a fruit bowl"."""
@@ -157,13 +165,10 @@ def of_one_piece(bound: Bound, labels: Sequence[Sequence[str]], table: MaterialT
         of_thing = behind and stem(behind[1]) in part_words()["objects"]
         return bool(of_thing and row.category in lists()["purposes"]["categories"])
 
-    listed = [place for one in asked for place in one.parts if is_listed(one, place)]
     found: list[Owned] = []
     for one in asked:
-        others = tuple(x for x in one.parts if x not in listed and not over(x, one.matter))
-        parts = others or tuple(x for x in one.parts if x not in listed)
-        chance = 1.0 if any(over(one.matter, x) for x in listed) else one.chance
-        chance = 0.0 if is_purpose(of[one.matter], one.matter[1]) else chance
+        parts = tuple(x for x in one.parts if not over(x, one.matter)) or one.parts
+        chance = 0.0 if is_purpose(of[one.matter], one.matter[1]) else one.chance
         found.append(Owned(one.matter, chance, parts))
     found = [
         one for one, following in zip(found, [*found[1:], None], strict=True)
@@ -177,8 +182,11 @@ def of_one_piece(bound: Bound, labels: Sequence[Sequence[str]], table: MaterialT
                 found[k] = Owned(one.matter, most, parts)
     subjects = [clause.subject for clause in bound.sentence.clauses]
     apart = any(x.scope == "rest" or x.exceptions for x in subjects)
-    if not (apart or _are_apart([one for one in found if one.chance > MEANT], of, text)):
-        return _of_one_matter(bound, found, labels, table)
+    if not (apart or _are_apart([x for x in found if x.chance > MEANT] or found, of, text)):
+        one_matter = _of_one_matter(bound, found, labels, table)
+        said_of = (one_matter.sentence.clauses[k].material for k in one_matter.parts[0].clauses)
+        if len({*said_of} - {None}) < 2:
+            return one_matter
 
     def subject(owned: Sequence[Owned], before: Subject) -> Subject:
         names = tuple(dict.fromkeys(
@@ -235,15 +243,17 @@ def _are_apart(meant: Sequence[Owned], of: Mapping[Place, Material], text: str) 
     kept: list[tuple[Owned, set[str]]] = []
     for one in meant:
         words = {stem(word) for a, b in one.parts for word in _WORD.findall(text[a:b].lower())}
-        before = kept[-1][0].matter if kept else None
-        beside = before and not re.search(r"[^\W\d_]", text[before[1] : one.matter[0]])
-        if not (before and beside and of[before].category == of[one.matter].category):
-            kept.append((one, words))
+        if kept:
+            last, before = kept[-1]
+            alias = _ALIAS.fullmatch(text[last.matter[1] : one.matter[0]])
+            alike = of[last.matter].category == of[one.matter].category
+            if alias and alike and (words <= before or before <= words):
+                continue
+        kept.append((one, words))
     for i, (b, two) in enumerate(kept):
         for a, one in kept[:i]:
-            if of[a.matter] is of[b.matter] or one & two:
-                continue
-            if one != two:
+            nested = one <= two or two <= one if one and two else one == two
+            if of[a.matter] is not of[b.matter] and not nested:
                 return True
     runs = _lists([one.matter for one in meant], text)
     return any(len({of[x].category for x in run}) > 1 for run in runs)
@@ -263,14 +273,23 @@ def _lists(matters: Sequence[Place], text: str) -> Iterator[Sequence[Place]]:
 def _of_one_matter(
     bound: Bound, found: Sequence[Owned], labels: Sequence[Sequence[str]], table: MaterialTable
 ) -> Bound:
-    """What a text says of a thing that is of one matter: of all that it names, those it has."""
+    """What a text says of a thing that is of one matter: of all that it names, the one it has."""
     text, clauses = bound.sentence.text, bound.sentence.clauses
+    if any(c.comparisons for c in clauses) and not any(c.material for c in clauses):
+        return bound  # "twice as stiff as oak"
     (said,) = load_tagger().said([labels[0][0]], text, bound.sentence.gloss)
     meant = [one.matter for one in found if one.chance > MEANT]
-    heard = [w[1:] for w in said.words if w.role == "matter"]
-    foreign = [  # where none is meant, the tagger's are
+    heard, own = [w[1:] for w in said.words], {*part_name_words(labels[0][0])}
+
+    def of_another(one: Owned) -> bool:
+        """Whether a word names what has it, not the thing, of which nothing is heard."""
+        named = {stem(w) for a, b in one.parts for w in _WORD.findall(text[a:b].lower())}
+        said_of = any(over(one.matter, x) for x in heard)
+        return bool(named) and not (named & own or said_of)
+
+    foreign = [
         one.matter for one in found
-        if one.chance <= HEARD and (meant or not any(over(one.matter, x) for x in heard))
+        if one.chance == 0 or (one.chance <= HEARD and (meant or of_another(one)))
     ]  # fmt: skip
 
     def is_foreign(place: Place) -> bool:
@@ -279,20 +298,35 @@ def _of_one_matter(
 
     clauses = [c for c in clauses if not (c.material and is_foreign(place_of(c, text)))]
     bound = bind(replace(bound.sentence, clauses=tuple(clauses)), labels)
-    words = [w for w in said.words if w.role not in ("matter", "number") or not is_foreign(w[1:])]
+    words = list[Words]()
+    for w in said.words:
+        start, end = w[1:]
+        for first, last in foreign * (w.role in ("matter", "number")):  # "wooden fruit" of a bowl
+            if over((first, last), (start, end)):
+                start, end = (last, end) if first <= start else (start, first)
+        matter = [x for x in words if x.role == "matter" == w.role]
+        open_ = matter and re.search(r"\b(?:or|oder|ou|o)\b", text[matter[-1].end : start])
+        if start < end and text[start:end].strip() and not open_:  # of alternatives the first
+            words.append(w._replace(start=start, end=end))
 
     def add(role: str, place: Place) -> None:
         if not any(over(place, w[1:]) for w in words):
             words.append(Words(role, *place))
 
-    for place in meant:
-        add("matter", place)
-    # Of numbers that the grammar heard nobody else has any: "..., silicone. We use E = 70 kPa"
-    for clause in clauses:
-        for number in clause.numbers if meant or words else ():
-            at = text.find(number.text, clause.span[0])
-            if at >= 0 and number.measure in ("E", "nu", "rho"):
-                add("number", (at, at + len(number.text)))
+    if not any(w.role == "matter" for w in words):  # the first, and other names of it
+        for before, place in zip([None, *meant], meant, strict=False):
+            if before and not _ALIAS.fullmatch(text[before[1] : place[0]]):
+                break
+            add("matter", place)
+    # Numbers of it, or of no other part: "..., silicone. We use E = 70 kPa"
+    mine = [w[1:] for w in words if w.role == "matter"]
+    for clause in clauses if mine else ():
+        here = any(over(place_of(clause, text), x) for x in mine)
+        if here if clause.material else all(own & {*name} for name in clause.subject.names):
+            for number in clause.numbers:
+                at = text.find(number.text, *clause.span)
+                if at >= 0:
+                    add("number", (at, at + len(number.text)))
     if tuple(words) != said.words:
         sure = min((max(one.chance, 1 - one.chance) for one in found), default=1.0)
         within = min((one.chance for one in found if one.matter in meant), default=1.0)

@@ -973,7 +973,7 @@ def clause_of(text: str, draft: Draft, lexicon: ReaderLexicon) -> Clause:
     if not draft.material and lexicon.needs_capitals(lexicon.phrase(said) or ("",)):
         draft.material, draft.phrase = lexicon.rows[lexicon.phrase(said)], draft.unknown  # "pp"
     noun = lexicon.model.is_word(said, ("noun",)) and lexicon.model.singular(said) == said
-    noun = noun and said[-2:] != "ss"  # "brasss"
+    noun = noun and not said.endswith("sss")  # "brasss"
     meant = lexicon.meant(said) if not (draft.material or liquid or noun) else ()
     if meant and len(draft.unknown) > SHORT:
         draft.material, draft.phrase = lexicon.rows[meant], meant[0]
