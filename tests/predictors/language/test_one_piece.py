@@ -152,7 +152,8 @@ def test_the_only_matter_is_taken(name, text, matter):
 
 def test_a_thing_beside_a_matter_is_not_of_it():
     (heard,) = said("twice as stiff as oak")
-    assert heard.material is None and heard.comparisons[0].factor == 2
+    assert heard.material is None
+    assert heard.comparisons[0].factor == 2
 
 
 def test_a_number_of_another_thing_is_not_its_own():
