@@ -7,9 +7,9 @@ words leave parts open and the network is asked, minutes in all. What stands on 
 options here goes to `assign` (``--predictor retrieval``).
 
 One set served to build the reader. Each later one (``second`` to ``twentyfifth``) was written
-before the reader was run on it, and then served to mend it: ``held_out`` after it had been scored
-twelve times, the tenth to twenty-fifth, by three hands each, after once. Sets that are held out,
-those in ``data/held_out``, are scored with ``--held-out`` alone; every such look is written down in
+before the reader was run on it. All but the last then served to mend it: ``held_out`` after it had
+been scored twelve times, the tenth to twenty-fourth, by three hands each, after once. Sets held
+out, those in ``data/held_out``, are scored with ``--held-out`` alone; every look is written down in
 ``data/held_out_looks.jsonl``, and their rows say how many there were. Their sentences are never
 listed. The files say how they were written.
 

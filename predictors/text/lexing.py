@@ -757,9 +757,9 @@ def _by_position(text: str, names: Sequence[str], lexicon: ReaderLexicon) -> str
                 x.part and x.role not in ("material", "digits") for own in each for x in own
             )
             strange = int(head > begin)  # where no list of parts stands before it, all are known
-            # "are S420ML, t=75" has one matter
-            valued = {"=" in text[a:b] for a, b in matters}
-            if called and not named and len(valued) == 1 and _is_each(each, strange):
+            stated = ["=" in text[a:b] for a, b in matters]
+            mixed = any(stated) and not all(stated)  # "are S420ML, t=75" has one matter
+            if called and not named and not mixed and _is_each(each, strange):
                 ends = [_without_size(own, b) for own, (_, b) in zip(each, matters, strict=True)]
                 said = (
                     f"{name}: {text[a:b]}"

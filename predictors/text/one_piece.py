@@ -1,7 +1,8 @@
-"""A thing in one piece: its parts are what the words of its text name.
+"""A thing in one piece: of one matter, or of parts that are what the words of its text name.
 
 A network that has learned from the tagger is asked about every matter of the text: whether the
-thing has it ("a fruit bowl" has no fruit), and which words name the part of it that does.
+thing has it ("a fruit bowl" has no fruit), and which words name the part of it that does. Where
+parts have different matters it is divided by these words; else it is read as any part is.
 """
 
 from __future__ import annotations
@@ -47,7 +48,7 @@ _LIST = 3  # matters of a list
 _ALIAS = re.compile(r"\s*[(\[/=,]?\s*(?:i\.?e\.?)?\s*")  # before another name of a matter
 _ENDS = ".'’"  # of a word that a sentence ends with
 _JOINED = re.compile(r"[,/&]|\band\b")  # "seat and back"
-_LISTED = re.compile(r"\s*(?:[,/&]|,?\s*\b(?:and|or)\b)\s*")
+_LISTED = re.compile(r"\s*(?:[,/&]|,?\s*\band\b)\s*")  # not "or"
 _WORD = re.compile(r"\b(?!(?:the|an?|its)\b)[^\W_]+")
 _NO_PART = {"all", "whole", "entire", "everything", "filled"}  # alone
 
@@ -70,19 +71,22 @@ class OwnerFinder(Tagger):
         super().__init__(learned=(WEIGHTS, OWNERS))
 
     def owners(self, text: str, matters: Sequence[Place], name: str) -> list[Owned]:
-        """What the text says of each of its matters, given by their places, and a thing's name.
+        """What the text says of matters, given by their places, of a thing with a name.
 
-        By its name it knows the thing amid others that the text speaks of, and takes its own parts
-        for others; without one, the other way round: the odds are the means of both.
+        Asked by its name it takes the thing's own parts for other things; asked without one it
+        takes other things for parts. So the logarithms of the odds are averaged. The words for
+        the parts are those that it finds without a name.
         """
-        of_any, of_thing = (self._asked(text, matters, said) for said in (CALLED, shown_name(name)))
+        unnamed, named = (self._asked(text, matters, said) for said in (CALLED, shown_name(name)))
         return [
-            Owned(one.matter, float(1 / (1 + np.exp(-(one.chance + other.chance) / 2))), one.parts)
-            for one, other in zip(of_any, of_thing, strict=True)
+            Owned(place, float(1 / (1 + np.exp(-(one + other) / 2))), parts)
+            for place, (one, parts), (other, _) in zip(matters, unnamed, named, strict=True)
         ]
 
-    def _asked(self, text: str, matters: Sequence[Place], name: str) -> list[Owned]:
-        """The same of a thing that is called so; the chances are logarithms of odds."""
+    def _asked(
+        self, text: str, matters: Sequence[Place], name: str
+    ) -> list[tuple[float, tuple[Place, ...]]]:
+        """Of a thing that is called so: for each matter log odds that it has it, and its parts."""
         encoded = self._tokenizer.encode(text, add_special_tokens=False)
         called = self._tokenizer.encode(name, add_special_tokens=False).ids[:LONGEST_NAME]
         rows = []
@@ -93,7 +97,7 @@ class OwnerFinder(Tagger):
             room = MAX_TOKENS - len(head) - 1  # of a longer text what lies around it is seen
             first = int(np.clip(own.argmax() - room // 2, 0, max(len(own) - room, 0)))
             rows.append((head, own[first : first + room], first))
-        found: list[Owned] = []
+        found: list[tuple[float, tuple[Place, ...]]] = []
         for k in range(0, len(rows), _ROWS):
             batch = rows[k : k + _ROWS]
             tokens = [
@@ -101,12 +105,11 @@ class OwnerFinder(Tagger):
             ]
             types = [[0] * len(head) + [int(not x) for x in own] + [0] for head, own, _ in batch]
             logits = self._logits(tokens, types)
-            for (head, own, first), said, place in zip(batch, logits, matters[k:], strict=False):
+            for (head, own, first), said in zip(batch, logits, strict=True):
                 said = said[len(head) : len(head) + len(own)]
                 chance = 1 / (1 + np.exp(-said[:, 0]))
                 offsets = encoded.offsets[first : first + len(own)]
-                parts = _named(text, offsets, chance)
-                found.append(Owned(place, float(said[own, 1].mean()), parts))
+                found.append((float(said[own, 1].mean()), _named(text, offsets, chance)))
         return found
 
 
@@ -142,7 +145,9 @@ def load_owner_finder() -> OwnerFinder:
 def of_one_piece(bound: Bound, labels: Sequence[Sequence[str]], table: MaterialTable) -> Bound:
     """Return what a text says of a thing in one piece, by its own words for parts.
 
-    It has one matter, as a part among others, where no two of its parts have two.
+    It is read as a part among others (``_of_one_matter``). Its parts have their own matters where
+    two of them have two, where matters of several kinds are listed, where the text speaks of a rest
+    or an exception, and where that reading still finds two.
 
     bound: What the grammar read.
     labels: What the asset calls the thing.
@@ -236,7 +241,7 @@ def of_one_piece(bound: Bound, labels: Sequence[Sequence[str]], table: MaterialT
 
 
 def _are_apart(meant: Sequence[Owned], of: Mapping[Place, Material], text: str) -> bool:
-    """Whether different parts have different matters, or they are a list: "oak, steel and brass".
+    """Whether parts of a thing have different matters, or matters of several kinds are listed.
 
     Of designations beside each other one is the other's: "EN AC-46000 (AlSi9Cu3(Fe))".
     """
@@ -260,10 +265,10 @@ def _are_apart(meant: Sequence[Owned], of: Mapping[Place, Material], text: str) 
 
 
 def _lists(matters: Sequence[Place], text: str) -> Iterator[Sequence[Place]]:
-    """Three matters and more that follow one another: "oak, steel and brass"."""
+    """Runs of three matters and more: "oak, steel and brass", no alternatives ("or")."""
     ends = [
         k for k, (a, b) in enumerate(pairwise(matters), 1)
-        if "or" in (gap := text[a[1] : b[0]]) or not _LISTED.fullmatch(gap)
+        if not _LISTED.fullmatch(text[a[1] : b[0]])
     ]  # fmt: skip
     for first, last in pairwise([0, *ends, len(matters)]):
         if last - first >= _LIST:
@@ -273,20 +278,21 @@ def _lists(matters: Sequence[Place], text: str) -> Iterator[Sequence[Place]]:
 def _of_one_matter(
     bound: Bound, found: Sequence[Owned], labels: Sequence[Sequence[str]], table: MaterialTable
 ) -> Bound:
-    """What a text says of a thing that is of one matter: of all that it names, the one it has."""
+    """What a text says of a thing read as one part: what it names without what is others'."""
     text, clauses = bound.sentence.text, bound.sentence.clauses
     if any(c.comparisons for c in clauses) and not any(c.material for c in clauses):
         return bound  # "twice as stiff as oak"
     (said,) = load_tagger().said([labels[0][0]], text, bound.sentence.gloss)
     meant = [one.matter for one in found if one.chance > MEANT]
-    heard, own = [w[1:] for w in said.words], {*part_name_words(labels[0][0])}
+    tagged, own = [w[1:] for w in said.words], {*part_name_words(labels[0][0])}
 
     def of_another(one: Owned) -> bool:
-        """Whether a word names what has it, not the thing, of which nothing is heard."""
+        """Whether words name another thing that has it, and the tagger has it not of this one."""
         named = {stem(w) for a, b in one.parts for w in _WORD.findall(text[a:b].lower())}
-        said_of = any(over(one.matter, x) for x in heard)
+        said_of = any(over(one.matter, x) for x in tagged)
         return bool(named) and not (named & own or said_of)
 
+    # What it is for ("fruit bowl") has the chance 0; others where they are not the only ones
     foreign = [
         one.matter for one in found
         if one.chance == 0 or (one.chance <= HEARD and (meant or of_another(one)))
@@ -301,12 +307,13 @@ def _of_one_matter(
     words = list[Words]()
     for w in said.words:
         start, end = w[1:]
-        for first, last in foreign * (w.role in ("matter", "number")):  # "wooden fruit" of a bowl
+        decides = w.role in ("matter", "number")
+        for first, last in foreign if decides else ():  # "wooden fruit" of a bowl
             if over((first, last), (start, end)):
                 start, end = (last, end) if first <= start else (start, first)
         matter = [x for x in words if x.role == "matter" == w.role]
         open_ = matter and re.search(r"\b(?:or|oder|ou|o)\b", text[matter[-1].end : start])
-        if start < end and text[start:end].strip() and not open_:  # of alternatives the first
+        if text[start:end].strip() and not open_:  # of alternatives the first
             words.append(w._replace(start=start, end=end))
 
     def add(role: str, place: Place) -> None:
@@ -322,12 +329,12 @@ def _of_one_matter(
     mine = [w[1:] for w in words if w.role == "matter"]
     for clause in clauses if mine else ():
         here = any(over(place_of(clause, text), x) for x in mine)
-        if here if clause.material else all(own & {*name} for name in clause.subject.names):
-            for number in clause.numbers:
-                at = text.find(number.text, *clause.span)
-                if at >= 0:
-                    add("number", (at, at + len(number.text)))
-    if tuple(words) != said.words:
+        its_own = here if clause.material else all(own & {*n} for n in clause.subject.names)
+        for number in clause.numbers if its_own else ():
+            at = text.find(number.text, *clause.span)
+            if at >= 0:
+                add("number", (at, at + len(number.text)))
+    if tuple(words) != said.words:  # as sure as the network is of these matters
         sure = min((max(one.chance, 1 - one.chance) for one in found), default=1.0)
         within = min((one.chance for one in found if one.matter in meant), default=1.0)
         words.sort(key=lambda w: w.start)

@@ -534,7 +534,7 @@ def with_second_opinion(
     bound: What the grammar read, and of which part.
     labels: For each part its name, then all other words that the asset has for it.
     table: Whose rows are materials.
-    every: What is heard of each part, by default by the tagger.
+    every: What is heard of each part; by default the tagger's, shared out among them.
     """
     names, text = [own[0] for own in labels], bound.sentence.text
     if not text.strip():

@@ -265,7 +265,7 @@ def preset() -> TrainerOptions:
     """How the shipped network was trained: two minutes of a GPU; without one, a trial."""
     on_gpu = torch.cuda.is_available()
     return TrainerOptions(
-        batch=64 if on_gpu else 8, steps=2000 if on_gpu else 20, rate=1e-3, warm_up=60,
+        batch=64 if on_gpu else 8, steps=2400 if on_gpu else 20, rate=1e-3, warm_up=60,
         weight_decay=0.01,
         decay=0.99, device="cuda" if on_gpu else "cpu", bfloat16=on_gpu,
         every=200 if on_gpu else 10,

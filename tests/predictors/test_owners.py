@@ -108,6 +108,9 @@ def test_another_matter_stands_where_it_stood(asked):
         # the words for the part are those that they were
         named = [token for token, label in zip(one.text, one.named, strict=True) if label == 1]
         assert named == [t for t, x in zip(asked[1].text, asked[1].named, strict=True) if x == 1]
+    # some have their name withheld, but never where it is what the text is asked about
+    assert {tuple(one.name) for one in varied} == {tuple(asked[1].name), (5,)}
+    assert all(sampler._varied(asked[1], part=True).name == asked[1].name for _ in range(40))
 
 
 @pytest.mark.slow
@@ -133,6 +136,12 @@ def test_numpy_finds_what_torch_trains_and_it_learns(asked, tmp_path, monkeypatc
     save_learned(network, tmp_path / "one_piece.safetensors")
     monkeypatch.setattr(one_piece, "OWNERS", tmp_path / "one_piece.safetensors")
     found = one_piece.OwnerFinder().owners(TEXT, [one.matter for one in of_natural(SAID)], "object")
+    finder, places = one_piece.OwnerFinder(), [one.matter for one in of_natural(SAID)]
+    unnamed, named = ([x[0] for x in finder._asked(TEXT, places, n)] for n in ("object", "vase"))
+    both = [one.chance for one in finder.owners(TEXT, places, "vase")]
+    assert not np.allclose(unnamed, named)
+    odds = (np.array(unnamed) + named) / 2
+    np.testing.assert_allclose(both, 1 / (1 + np.exp(-odds)), rtol=1e-5)
     # bytes in place of single precision: a hundredth of a chance
     np.testing.assert_allclose([one.chance for one in found], chance, atol=0.02)
     assert [[words(TEXT, p) for p in one.parts] for one in found[1:3]] == [

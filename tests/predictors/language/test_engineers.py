@@ -207,4 +207,5 @@ def test_a_count_is_no_part_of_a_screws_name_and_a_piece_no_stucco():
     got, _ = read(f"{caps} {screw}", "Pos 4 Fußkappen PUR 90 ShA 4x / Pos 5 ISO 4762 M8x40 8.8 vz")
     assert got[caps].material == "thermoplastic polyurethane (TPU)"
     got, _ = read("claw_bowl liner", "Zitzengummi Silikon, Sammelstück ebenfalls PSU")
+    assert "silicone" in (got["liner"].material or "")
     assert "plaster" not in {each.material for each in got.values()}

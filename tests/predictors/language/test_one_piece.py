@@ -97,7 +97,7 @@ def test_one_matter_is_read_as_the_grammar_reads_it():
     assert of_one_piece(bound, LABELS, table).sentence.clauses == bound.sentence.clauses
 
 
-# What a thing of one matter touches, was, looks like or is coated with, and no part of it says.
+# Texts of a thing of one matter {a}, beside one {b} that it touches, was or looks like.
 BESIDE = (
     "{a}, turned from bar. Runs on a {b} pin, qty 24",
     "Looks like {b} in the photos; it is {a}.",
@@ -171,6 +171,7 @@ def test_two_designations_are_one_matter(text):
     table, labels = load_table(), (("bracket_v3",),)
     bound = of_one_piece(read_sentence(text, labels, table), labels, table)
     assert not of_matters(bound.sentence)
+    assert {bound.sentence.clauses[k].material for k in bound.parts[0].clauses} - {None}
 
 
 def test_numbers_of_another_sentence_are_of_the_only_part():
