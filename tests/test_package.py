@@ -15,7 +15,19 @@ import pytest
 pytestmark = pytest.mark.long
 
 ROOMS = ("fem", "predictors", "converters", "toolkit", "research")
-DATA = {".csv", ".safetensors", ".md", ".css", ".html", ".js", ".toml", ".json", ".jsonl", ".txt", ".tsv"}
+DATA = {
+    ".csv",
+    ".safetensors",
+    ".md",
+    ".css",
+    ".html",
+    ".js",
+    ".toml",
+    ".json",
+    ".jsonl",
+    ".txt",
+    ".tsv",
+}
 # Bytes: 15.8 MB are the weights of the FiLM network, 7.6 MB those of the network of ranges, 4.6 MB
 # those of the phrases, 3.8 MB those of the regions, 3.1 MB those of the tagger; the rest is code
 # and data. Far below an index's usual 100 MB.
