@@ -77,7 +77,8 @@ class OwnerFinder(Tagger):
         takes other things for parts. So the logarithms of the odds are averaged. The words for
         the parts are those that it finds without a name.
         """
-        unnamed, named = (self._asked(text, matters, said) for said in (CALLED, shown_name(name)))
+        unnamed, shown = self._asked(text, matters, CALLED), shown_name(name)
+        named = unnamed if shown == CALLED else self._asked(text, matters, shown)
         return [
             Owned(place, float(1 / (1 + np.exp(-(one + other) / 2))), parts)
             for place, (one, parts), (other, _) in zip(matters, unnamed, named, strict=True)
@@ -240,6 +241,11 @@ def of_one_piece(bound: Bound, labels: Sequence[Sequence[str]], table: MaterialT
     return bind(replace(bound.sentence, clauses=tuple(seen)), labels)
 
 
+def _part_words(one: Owned, text: str) -> set[str]:
+    """Stems of the words that name the part that has a matter."""
+    return {stem(word) for a, b in one.parts for word in _WORD.findall(text[a:b].lower())}
+
+
 def _are_apart(meant: Sequence[Owned], of: Mapping[Place, Material], text: str) -> bool:
     """Whether parts of a thing have different matters, or matters of several kinds are listed.
 
@@ -247,7 +253,7 @@ def _are_apart(meant: Sequence[Owned], of: Mapping[Place, Material], text: str) 
     """
     kept: list[tuple[Owned, set[str]]] = []
     for one in meant:
-        words = {stem(word) for a, b in one.parts for word in _WORD.findall(text[a:b].lower())}
+        words = _part_words(one, text)
         if kept:
             last, before = kept[-1]
             alias = _ALIAS.fullmatch(text[last.matter[1] : one.matter[0]])
@@ -288,7 +294,7 @@ def _of_one_matter(
 
     def of_another(one: Owned) -> bool:
         """Whether words name another thing that has it, and the tagger has it not of this one."""
-        named = {stem(w) for a, b in one.parts for w in _WORD.findall(text[a:b].lower())}
+        named = _part_words(one, text)
         said_of = any(over(one.matter, x) for x in tagged)
         return bool(named) and not (named & own or said_of)
 
