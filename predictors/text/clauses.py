@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Literal, NamedTuple
 
 from ...fem.note import Note
@@ -215,7 +216,7 @@ class Bound:
     unbound: tuple[int, ...]
     mute: tuple[int, ...] = ()
 
-    @property
+    @cached_property
     def named(self) -> frozenset[int]:
         """Indices of the clauses that speak of a part by a word for it."""
         bonds = (bond for part in self.parts for bond in zip(part.clauses, part.how, strict=True))

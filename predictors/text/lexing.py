@@ -690,6 +690,8 @@ def _unabridged(text: str, names: Collection[str]) -> str:
 def _with_positions(text: str, names: Collection[str]) -> str:
     """The text with parts in place of their numbers in a list: "cover same as pos 1"."""
     items: dict[str, str] = {}
+    if not re.search(rf"(?i){_ITEM}", text):
+        return text
     for name in sorted(names, key=len):  # the longest last: "casing cover" before "casing"
         spelt = r"[\s_-]".join(map(re.escape, re.split(r"[\s_-]+", name)))
         found = re.finditer(rf"(?i)(?<!\w){_ITEM}:? +{spelt}(?!\w)", text)
@@ -708,6 +710,7 @@ _BEFORE_LIST = re.compile(
     r":(?=\s)|[-=]>|→|(?<=\s)=(?=\s)"
     r"|(?<=\s)(?:are|sind|sont|son)(?: made)?(?: of| from| in| aus| en| de)?(?=\s)"
 )
+_STATES = re.compile(r"(?<=\s)(?:is|are|ist|sind|est|sont|es|son)(?=\s)")
 _COMMA = r",(?!\d)"
 _SIGNS = (
     rf"{_COMMA}|(?<=\s)(?:and|und|et|y|then|dann|puis)(?=\s)", _COMMA, r"(?<=\s)/(?=\s)", r"\|"
@@ -743,6 +746,8 @@ def _by_position(text: str, names: Sequence[str], lexicon: ReaderLexicon) -> str
                 counted = None
             if len(matters) < 2 or not (told or listed or counted):
                 continue
+            if any(_STATES.search(plain, a, b) for a, b in (*things, *matters)):
+                continue  # "the arms are oak, the cups are glass"
             lexemes = lexemes or lex(text, lexicon, names).lexemes
             spoken = {w for x in lexemes if begin <= x.start < head and x.part for w in x.words}
             kin = [n for n in names if any(w.isalpha() and w in spoken for w in part_name_words(n))]

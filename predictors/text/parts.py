@@ -143,7 +143,13 @@ def parts_named(name: Phrase, parts: Sequence[PartLabels]) -> dict[int, PartMatc
 
 def parts_called(words: Phrase, labels: Sequence[Sequence[str]]) -> list[int]:
     """Indices of the parts that words name."""
-    return [*parts_named(words, [PartLabels(tuple(names)) for names in labels])]
+    return [*parts_named(words, [part_labels(tuple(names)) for names in labels])]
+
+
+@lru_cache(maxsize=4096)  # of an assembly, which is asked about for every phrase
+def part_labels(names: Phrase) -> PartLabels:
+    """What an asset calls a part, by its name and its other words."""
+    return PartLabels(names)
 
 
 LISTS = tomllib.loads((DATA / "network.toml").read_text(encoding="utf-8"))

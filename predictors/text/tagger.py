@@ -61,6 +61,11 @@ def shown_name(name: str) -> str:
     return " ".join(str(int(w)) if w.isdecimal() else w for w in shown) or "part"
 
 
+@lru_cache(maxsize=4096)
+def _unnumbered(name: str) -> str:
+    return _NUMBER.sub("", shown_name(name))
+
+
 def without_prefix(names: Sequence[str]) -> list[str]:
     """Names without the words, two or more, that all of them begin with: a file's, an asset's.
 
@@ -80,7 +85,7 @@ def without_prefix(names: Sequence[str]) -> list[str]:
 
 def question(names: Sequence[str], i: int) -> str:
     """What is asked about a part: its name, then the others' without their numbers."""
-    others = (_NUMBER.sub("", shown_name(n)) for j, n in enumerate(names) if j != i)
+    others = (_unnumbered(name) for j, name in enumerate(names) if j != i)
     return f"{shown_name(names[i])} [SEP] " + ", ".join(dict.fromkeys(others))
 
 

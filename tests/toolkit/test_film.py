@@ -23,6 +23,7 @@ from autophyx_tet.toolkit.cli.main import main
 from autophyx_tet.toolkit.film import film
 from autophyx_tet.toolkit.options import SimulateOptions
 from autophyx_tet.toolkit.pipeline import simulate
+from autophyx_tet.toolkit.simulation import budget
 from autophyx_tet.toolkit.simulation.budget import MOST_PARTICLES, WITHIN, coarsened, paced, planned
 from PIL import Image
 
@@ -53,8 +54,10 @@ def ball(tmp_path_factory):
 
 
 @pytest.mark.slow
-def test_the_driver_is_the_finest_that_fits():
+def test_the_driver_is_the_finest_that_fits(monkeypatch):
     """More seconds make a finer grid, up to what a film needs; what is held is a reduced body."""
+    taken = budget.ParticleSeconds(step=2e-7, listing=6e-3)  # of any machine the same
+    monkeypatch.setattr(budget, "particle_seconds", lambda _: taken)
     mesh = matter(box_mesh((0.1, 0.02, 0.02), (10, 2, 2)))
     falls = Drop(height=0.1).scene(mesh)
 

@@ -34,9 +34,8 @@ def seconds(count: int) -> float:
 
 
 @pytest.mark.slow
-def test_a_thousand_parts_take_seconds():
-    """Four times the parts take at most six times as long; 1,000 took about 6 CPU s."""
+def test_four_times_the_parts_take_four_times_as_long():
+    """Four times the parts take at most six times as long."""
     seconds(10)  # what is loaded once
     few, many = seconds(250), seconds(1000)
     assert many < 6 * few
-    assert many < 15
