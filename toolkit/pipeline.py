@@ -275,6 +275,7 @@ def _read(
 ) -> tuple[Bound, MaterialTable]:
     """What a text says of the regions of a mesh, read here, once; and the materials it may name."""
     from ..predictors.regions.division import region_numbers
+    from ..predictors.text.clauses import bind, corrected
     from ..predictors.text.one_piece import of_one_piece
     from ..predictors.text.reader import read_sentence
     from ..predictors.text.tagger import with_second_opinion
@@ -282,13 +283,15 @@ def _read(
     table = with_own_rows(options.table) if options.table else load_table()
     labels = sidecar.labels_of(mesh.region_names)
     if not options.interpreter:
-        bound = read_sentence(text, labels, table)
         # The regions of one thing are called by numbers, and told apart by a network of their own
         if region_numbers([own[0] for own in labels]):
-            return bound, table
+            return read_sentence(text, labels, table), table
         second = with_second_opinion if len(labels) > 1 else of_one_piece
-        return second(bound, labels, table), table
-    from ..predictors.text.clauses import bind
+
+        def read(said: str) -> Bound:
+            return second(read_sentence(said, labels, table), labels, table)
+
+        return corrected(text, read), table
     from ..predictors.text.interpreter import ChatEndpoint, interpret
 
     names = [own[0] for own in labels]

@@ -21,7 +21,7 @@ from ...fem.table import (
     material_of_values,
 )
 from ..prediction import PartChoice
-from ..text.numerals import DATA, Blend, Quantity, wall_named
+from ..text.numerals import DATA, POWDERS, Blend, Quantity, wall_named
 
 # E, nu and rho from what is said in place of them: hardness, infill, a second matter.
 #
@@ -120,6 +120,23 @@ def with_fibres(matrix: MaterialValue, fibre: str, share: float) -> tuple[Materi
     return value, how
 
 
+def with_powder(matrix: MaterialValue, powder: str, share: float) -> tuple[MaterialValue, Note]:
+    """Value of a matter with grains of a ``share`` of its mass.
+
+    Halpin and Tsai, Polymer Eng. Sci. 16 (1976), with 2 for the shape of spheres; volumes for nu
+    and the density.
+    """
+    grain = POWDERS[powder]
+    volume = share / grain["rho"] / (share / grain["rho"] + (1 - share) / matrix.rho)
+    stiffer = (grain["E"] - matrix.E) / (grain["E"] + 2 * matrix.E)
+    value = matrix._replace(
+        E=matrix.E * (1 + 2 * stiffer * volume) / (1 - stiffer * volume),
+        nu=volume * grain["nu"] + (1 - volume) * matrix.nu,
+        rho=volume * grain["rho"] + (1 - volume) * matrix.rho,
+    )
+    return value, Note("numbers.powder", share=share, powder=powder, e=value.E, rho=value.rho)
+
+
 ELASTIC = 1e8  # Pa: what a hardness makes softer than this is an elastomer, and keeps its volume
 
 HARDNESSES = (("shore_a", modulus_of_shore_a), ("shore_d", modulus_of_shore_d))
@@ -177,8 +194,11 @@ def with_numbers(
     warnings: list[str] = []
     said, weighed = _one_each(part, numbers, warnings), False
     stress = said.get("E")
-    # "foam core 0.11 GPa / 100 kg/m3"
-    weighed_too = "rho" in said and row.category.endswith("foam")
+    # "foam core 0.11 GPa / 100 kg/m3", "porous titanium 3 GPa, 1.8 g/cm3", "PU 0.9 GPa, 1.1 g/cm3"
+    weighed_too = "rho" in said and (
+        row.category.endswith("foam") or not _near(row.rho, said["rho"].value)
+        or bool(stress and row.category != "metal" and "GPa" in stress.text)
+    )  # fmt: skip
     if named and stress and not (stress.called or weighed_too or _near(row.E, stress.value)):
         span = row.E._asdict()
         strength = row.category == "metal" and stress.value < STRONGEST
@@ -190,7 +210,10 @@ def with_numbers(
     if blend is not None:
         rows = {"CFRP (along fibre)": "carbon", "E-glass fibre": "glass"}  # of the words for them
         fibre = rows.get(blend.material)
-        if fibre is None or row.category == "metal":  # "flange CF63 1.4404"
+        if row.category != "metal" and blend.material in POWDERS:
+            value, line = with_powder(value, blend.material, blend.share)
+            how.append(line)
+        elif fibre is None or row.category == "metal":  # "flange CF63 1.4404"
             warnings.append(Note("numbers.part_changes_known", part=part, **vars(blend)))
         else:
             value, line = with_fibres(value, fibre, blend.share)
@@ -379,6 +402,9 @@ def _of_mass(
             odd = {"part": part, "text": mass.text, "volume": volume, "rho": rho}
             warnings.append(Note("numbers.part_mass", **odd, name=row.name, **row.rho._asdict()))
         return value._replace(rho=rho)
+    if row.category.endswith("foam") and _near(row.rho, mass.value):  # as foams are sold: "35 kg"
+        how.append(Note("numbers.foam_rho", text=mass.text, rho=mass.value))
+        return value._replace(rho=mass.value)
     what, (low, high) = (row.name, row.rho) if named else (row.category, (low, high))
     over = {"part": part, "text": mass.text, "volume": volume, "rho": rho, "what": what}
     warnings.append(Note("numbers.part_over", **over, low=low, high=high))

@@ -822,6 +822,8 @@ def _is_nearly(one: Material, other: Material) -> bool:
 def _kind_taken(part: NamedPart, statement: PartStatement, row: Material) -> tuple[str, ...]:
     """That a row stands for a kind of matter; generic rows span theirs."""
     naming = statement.naming
+    if naming and naming.phrase.lower() in words()["implied"]:  # "galvanised" is steel
+        return ()
     if naming and naming.kind and "generic" not in row.name and row.category in _WIDE_KINDS:
         kind = Note("resolve.kind_matter", phrase=naming.phrase)
         return (Note("resolve.part_taken", name=part.name, kind=kind, name_2=row.name),)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Literal, NamedTuple
 
 from ...fem.note import Note
+from .english import words
 from .numerals import Blend, Comparison, Quantity
 from .parts import (
     FILLERS,
@@ -297,6 +298,42 @@ def bind(sentence: Sentence, labels: Sequence[Sequence[str]]) -> Bound:
     return Bound(sentence, tuple(bound), tuple(left), tuple(mute))
 
 
+def corrected(text: str, read: Callable[[str], Bound]) -> Bound:
+    """A text as it is read, with what it says in a correction in place of what it said before.
+
+    A part that the correction names with its matter has no other: "seat alu. Edit: seat is oak".
+    """
+    found = next((m for m in _CORRECTION.finditer(text) if text[: m.start()].strip()), None)
+    if found is None:
+        return read(text)
+    first, second = read(text[: found.start()]), read(text[found.end() :])
+    start = len(first.sentence.text) + 1
+    later = [
+        replace(c, span=(c.span[0] + start, c.span[1] + start)) for c in second.sentence.clauses
+    ]
+    parts = list[BoundPart]()
+    for old, new in zip(first.parts, second.parts, strict=True):
+        own = [later[k] for k, how in zip(new.clauses, new.how, strict=True) if how not in GENERAL]
+        unsure = any(
+            getattr(d, "kind", "").startswith("tagger.") for clause in own for d in clause.doubts
+        )
+        anew = any(clause.says_matter for clause in own) and not (unsure and old.clauses)
+        moved = tuple(k + len(first.sentence.clauses) for k in new.clauses)
+        parts.append(BoundPart(moved, new.how) if anew else old)
+    if parts == [*first.parts]:
+        return read(text)
+    one, two = first.sentence, second.sentence
+    sentence = replace(
+        one, text=f"{one.text} {two.text}", clauses=(*one.clauses, *later), gloss=None,
+        notes=tuple(dict.fromkeys((*one.notes, *two.notes))), unread=(*one.unread, *two.unread),
+        mute=(*one.mute, *two.mute),
+        matters=(*one.matters, *((a + start, b + start) for a, b in two.matters)),
+        numbers=(*one.numbers, *((a + start, b + start) for a, b in two.numbers)),
+    )  # fmt: skip
+    return Bound(sentence, tuple(parts), first.unbound, first.mute)
+
+
+_CORRECTION = re.compile(words()["hedges"]["correction"])
 _BESIDE = re.compile(r"(?i)\b(?:as|of|than)\s+(?:the\s+)?([^\W_]+)\W*$")
 
 

@@ -152,12 +152,22 @@ _FIBRES = r"(?P<fibre>(?i:glass|carbon)|GF|CF)(?:[ -](?i:fib(?:re|er)s?))?"
 _PERCENT = r"(?:%|(?i:per ?cent|pct\.?))"
 _BLEND = re.compile(
     rf"(?P<share>\d\d?)\s?{_PERCENT}\s?(?i:short )?{_FIBRES}"
-    rf"(?:[ -](?i:filled|reinforced|loaded|content))?(?!\w)"
+    rf"(?:[ -](?i:filled|reinforced|loaded|content))?(?!\w| ?(?i:beads?|spheres?|flakes?))"
     rf"|(?i:(?:with )?(?P<share3>\d\d?)\s?{_PERCENT}(?: (?:short|long|chopped|milled))?"
-    r" glass(?=\W|$))"
+    r" glass(?=\W|$)(?! ?(?:beads?|spheres?|flakes?)))"
     rf"|[- ]?(?P<fibre2>GF|CF)[ -]?(?P<share2>[1-6]\d)(?!\d)"
     rf"|(?:(?<=[A-Z0-9])[- ]|(?<= )-)(?P<fibre5>GF|CF)(?![\w-]| ?\d)"
     rf"|{_FIBRES.replace('fibre>', 'fibre4>')}[ -](?i:filled|reinforced|loaded)(?!\w)(?= (?!with))"
+    rf"(?:(?=(?: [\w-]+){{1,2}} \(?(?P<behind>\d\d)\s?{_PERCENT}))?"
+)
+POWDERS: dict[str, dict[str, Any]] = DATA["powders"]
+_POWDER = "|".join(rf"(?P<p{k}>(?i:{one['words']}))" for k, one in enumerate(POWDERS.values()))
+# "alumina-filled epoxy (60 %)", "epoxy with 60 % of silver powder", "PA12 with 40 % glass beads"
+_FILLED = re.compile(
+    rf"(?<![\w-])(?:(?i:with )?(?P<share>\d\d)\s?{_PERCENT} ?(?i:of )?)?(?:{_POWDER})"
+    r"(?:[ -](?i:filled|loaded)(?= (?!(?i:with|by))\w)"
+    rf"(?:(?=(?: [\w-]+){{1,2}} \(?(?P<behind>\d\d)\s?{_PERCENT}))?"
+    rf"|(?(share)(?: (?i:powder|filler|particles)|(?<=(?i:eads|talc|halk))|(?<=ATH))|(?!)))(?!\w)"
 )
 # Walls of a print, beside its infill: "3 walls of 0.4 mm", "4 perimeters", "1.2 mm walls".
 _PRINTED, _SKIN = (re.compile(DATA["printed"][kind]) for kind in ("infill", "skin"))
@@ -248,12 +258,19 @@ def _special(text: str) -> Iterator[Numeral]:
     for match in _BLEND.finditer(text):
         group = match.groupdict()
         fibre = group["fibre"] or group["fibre2"] or group["fibre4"] or group["fibre5"] or "glass"
-        share = group["share"] or group["share2"] or group["share3"]
+        share = group["share"] or group["share2"] or group["share3"] or group["behind"]
         note = "" if share else Note("numerals.share_said", match=match[0], usual_share=USUAL_SHARE)
         row = _FIBRE_ROWS[fibre[0].lower()]
         if fibre.lower() == "carbon" and not re.search(r"(?i)fib|reinforced", match[0]):
             row = "graphite"  # "25 % carbon filled": a powder
         blend = Blend(row, int(share) / 100 if share else USUAL_SHARE)
+        yield Numeral(*match.span(), blend, note)
+    for match in _FILLED.finditer(text):
+        share, (powder,) = match["share"] or match["behind"], (
+            name for k, name in enumerate(POWDERS) if match[f"p{k}"]
+        )  # fmt: skip
+        note = "" if share else Note("numerals.share_said", match=match[0], usual_share=USUAL_SHARE)
+        blend = Blend(powder, int(share) / 100 if share else USUAL_SHARE)
         yield Numeral(*match.span(), blend, note)
     for match in _FOAM_CODE.finditer(text):
         said = Quantity("rho", float(match["rho"]), match["code"])
@@ -377,6 +394,8 @@ def number(text: str) -> float:
 @lru_cache(maxsize=256)
 def _si(unit: str) -> tuple[str | None, float]:
     """What a unit measures, None for nothing of ours, and how much of SI it is."""
+    if unit.strip() == "T":
+        return "other", 1.0  # teeth: "50T"
     unit = re.sub(r"^Mg(?=\W)", "t", unit)  # a megagram; of any other m, careless hands decide
     name = DATA["units"]["named"].get(unit.strip().lower())
     for times, atom in [] if name else re.findall(rf"({_TIMES})?({_ATOM})", unit):

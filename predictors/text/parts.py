@@ -163,7 +163,7 @@ def words_of(section: str, name: str) -> frozenset[str]:
 FILLERS, REST = words_of("roles", "fillers"), words_of("roles", "rest")
 OBJECTS, STRUCTURE = words_of("roles", "objects"), words_of("roles", "structure")
 FRAME_PARTS, FAMILIES = words_of("roles", "frame_parts"), words_of("roles", "families")
-EXPORTED = words_of("roles", "exported")
+EXPORTED, LEAVES = words_of("roles", "exported"), words_of("roles", "leaves")
 THINGS = tuple(LISTS["roles"]["things"].split())
 SYNONYMS = [frozenset(group.split()) for group in LISTS["synonyms"]["groups"]]
 # Material words of other languages in names of asset parts -> a name in the table.
@@ -215,6 +215,8 @@ class Vocabulary:
     def in_name(self, name: str) -> str | None:
         """The longest material phrase in an asset's name ("Metal_Chrome", "legno_scuro")."""
         stems = name_words(name)
+        if not LEAVES.isdisjoint(stems):  # "leaf_spring", "door_leaf"
+            stems = [word for word in stems if word != "leaf"]
         found = [match for at in range(len(stems)) if (match := self.match(stems, at))]
         if found:
             # "Wood_Oak" is oak: of equals, the word that is no family's.

@@ -1019,7 +1019,7 @@ def clause_of(text: str, draft: Draft, lexicon: ReaderLexicon) -> Clause:
     opened, sentence = _OPEN.search(after), re.split(r"[.!?;\n]\s", text[:end])[-1]
     if opened and opened[0].endswith("?") and _REQUEST.search(sentence):
         opened = None
-    hedge = _HEDGE.search(after[:_BEFORE]) or _HEDGE.search(text[start:end]) or opened
+    hedge = _HEDGE.search(text[start:end] + after[:_BEFORE]) or opened
     if draft.material and hedge:
         told.append(Note("reader.unsure", hedge=hedge[0].strip(), phrase=draft.phrase))
     noted = [x.note for x in draft.lexemes if x.note]

@@ -1,18 +1,20 @@
 """What is said of a part beside another: "ten times the modulus of the bracket", "wie Deckel".
 
 The tagger finds the words; their beginnings, in four languages, tell what is compared, which way
-and how many times (``data/relations.toml``), and names of parts in them with what.
+and how many times (``data/relations.toml``), and names of parts in them with what. And parts of
+which a text says that nobody knows what they are of.
 """
 
 from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
+from .clauses import Place, over
 from .languages import bare, languages
 from .materials import ReaderLexicon, atoms
 from .numerals import Comparison, number
@@ -26,6 +28,9 @@ BY_FACTOR = re.compile(
     r"(\d+(?:[.,]\d+)?)"
 )
 _PERCENT = re.compile(r"(?<![\w.,])(\d+(?:[.,]\d+)?) ?%")
+_SENTENCE, _COMMA = re.compile(r"[.;!?\n](?=\s)|[|•]"), re.compile(r"[,(](?=\s|\w)(?!\d)")
+_END = re.compile(r"[.,;!?\n)|•](?=\s|$)")
+_SYMBOL = re.compile(r"(?<!\w)E(?= (?:is|=|of|\d|should|must|shall|\.))")
 _LONGEST = 4  # words of a part's name
 _MORE = 2.0  # times: what "stiffer" is at the least, and "softer" the other way
 
@@ -72,6 +77,8 @@ def relation_of(
     if not any(begun.values()) and (times or told):  # "its modulus is half the frame's"
         begun = begun_in(re.findall(r"[^\W\d_]+", context.lower()))
     measure = next((m for m in measures if begun[m]), None)
+    if measure is None and times and _SYMBOL.search(f"{context} {said}"):  # "E 1.5 x that of it"
+        measure = "E"
     found = _named(said, own, labels, lexicon)
     if measure is None:
         same = not {*tokens}.isdisjoint(data["same"]["words"]) or found is not None
@@ -116,18 +123,55 @@ def _named(
     said: str, own: int, labels: Sequence[Sequence[str]], lexicon: ReaderLexicon
 ) -> int | None:
     """Index of the part that words name, the longest name first."""
+    found = (i for parts in _called(said, labels, lexicon) for i in parts if i != own)
+    return next(found, None)
+
+
+def _called(
+    said: str, labels: Sequence[Sequence[str]], lexicon: ReaderLexicon
+) -> Iterator[list[int]]:
+    """Indices of the parts that phrases name, by the longest phrase first."""
     known = {word for names in labels for word in re.findall(r"[^\W\d_]+|\d+", names[0].lower())}
     cut = [
         a for a in atoms(said, lexicon.model, known)
         if len(a.stem) > 1 or a.text.isupper() or a.text.isdigit()
     ]  # fmt: skip
-    phrases = [
-        tuple(a.stem for a in cut[at : at + size])
-        for size in range(_LONGEST, 0, -1) for at in range(len(cut) - size + 1)
-    ]  # fmt: skip
-    phrases += [  # "la plaque" of a part "plate"
-        (english,) for a in cut for language in languages()
-        for english in language.names(bare(a.text)) if english
-    ]  # fmt: skip
-    found = (i for words in phrases for i in parts_called(words, labels) if i != own)
-    return next(found, None)
+    for size in range(_LONGEST, 0, -1):
+        for at in range(len(cut) - size + 1):
+            words = tuple(a.stem for a in cut[at : at + size])
+            yield parts_called(words, labels) or parts_called(tuple(map(bare, words)), labels)
+    for a in cut:  # "la plaque" of a part "plate"
+        for language in languages():
+            for english in language.names(bare(a.text)):
+                if english:
+                    yield parts_called((english,), labels)
+
+
+def left_open(
+    text: str, labels: Sequence[Sequence[str]], silent: Sequence[int], matters: Sequence[Place],
+    lexicon: ReaderLexicon,
+) -> dict[int, Place]:  # fmt: skip
+    """Parts of which a text says that their matter is not known, and where it does.
+
+    labels: For each part its name, then all other words that the asset has for it.
+    silent: Parts of which nothing is said: "the rest".
+    matters: Where matters of parts stand.
+
+    Of a sentence it is what lies between commas, with what stands before it up to a part's name:
+    "the foot is heavy stuff, who knows".
+    """
+    out: dict[int, Place] = {}
+    of_rest = _data()["open"]["rest"]
+    for found in re.finditer(_data()["open"]["words"], text):
+        first = max((m.end() for m in _SENTENCE.finditer(text, 0, found.start())), default=0)
+        begins = [m.end() for m in _COMMA.finditer(text, first, found.start())]
+        last = _END.search(text, found.end())
+        end = last.start() if last else len(text)
+        for begin in [*reversed(begins), first]:
+            if any(over(place, (begin, end)) for place in matters):
+                break
+            parts = next(filter(None, _called(text[begin:end], labels, lexicon)), ())
+            if parts := parts or (silent if re.search(of_rest, text[begin:end]) else ()):
+                out |= dict.fromkeys(parts, (begin, end))
+                break
+    return out

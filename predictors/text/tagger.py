@@ -32,7 +32,7 @@ from .materials import lexicon_of
 from .parts import part_words, places
 from .phrases import Meant, load_phrases
 from .reader import parse
-from .relations import BY_FACTOR, Relation, relation_of
+from .relations import BY_FACTOR, Relation, left_open, relation_of
 
 WEIGHTS = Path(__file__).parents[1] / "weights" / "tagger.safetensors"
 JUDGE = Path(__file__).parents[1] / "weights" / "judge.json"
@@ -547,6 +547,7 @@ def with_second_opinion(
     judge = load_judge()
     clauses, parts = [*bound.sentence.clauses], [*bound.parts]
     taken: list[tuple[int, int]] = []  # where the words stand that are read anew
+    notes: list[Note] = []
     if not every:
         every = load_tagger().said(names, text, bound.sentence.gloss)
         every = shared_out(every, bound, without_prefix(names))
@@ -617,6 +618,26 @@ def with_second_opinion(
         clauses += [replace(c, doubts=(*c.doubts, *again)) for c in found]
         parts[i] = BoundPart(tuple(new), ("name",) * len(new))
         taken += spans
+    for i, (own, how) in enumerate(parts):  # "B twice as stiff as A" says nothing of A
+        heard = any(w.role == "relation" for w in every[i].words)
+        bonds = [
+            (k, way) for k, way in zip(own, how, strict=True)
+            if heard or not clauses[k].comparisons or clauses[k].material
+            or not any(over(clauses[k].span, x) for x in taken)
+        ]  # fmt: skip
+        parts[i] = BoundPart(tuple(k for k, _ in bonds), tuple(way for _, way in bonds))
+    matters = [w[1:] for said in every for w in said.words if w.role == "matter"]
+    silent = [i for i, part in enumerate(parts) if not (part.clauses or every[i].words)]
+    for i, (start, end) in left_open(text, labels, silent, matters, lexicon_of(table)).items():
+        said_here = [k for k in parts[i].clauses if over(clauses[k].span, (start, end))]
+        if any(clauses[k].comparisons or clauses[k].numbers for k in said_here):
+            continue
+        if len(said_here) == len(parts[i].clauses) or not every[i].words:
+            note = Note("tagger.left_open", part=names[i], words=text[start:end].strip())
+            parts[i] = BoundPart()
+            notes.append(note)
+            taken.append((start, end))
+    bound = replace(bound, sentence=replace(bound.sentence, notes=(*bound.sentence.notes, *notes)))
     return _without_idle(bound, clauses, parts, taken, every)
 
 
@@ -675,7 +696,8 @@ def readings_of(
         told = _related(said, text)
         clause = Clause(told, (0, 0), Subject("none"), comparisons=(beside.comparison,))
         read = (*(c for c in read if (c.material or c.numbers) and not c.comparisons), clause)
-    elif beside and beside.other not in waiting:  # the same matter
+    elif beside and beside.other not in waiting and not any(c.comparisons for c in own):
+        # The same matter
         others, _ = readings_of(beside.other, bound, every, labels, table, waiting | {i})
         by = {r.reader: r.clauses for r in others}
         order = ("words", "grammar", "phrase")

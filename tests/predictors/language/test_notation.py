@@ -525,3 +525,15 @@ def test_a_title_that_is_a_part_and_a_key_is_both():
 def test_what_is_no_heading_and_no_count_stays(text, parts):
     assert "E =" not in in_sentences(text, parts.split(), lexicon_of(TABLE))
     assert "painted;" not in in_sentences(text, parts.split(), lexicon_of(TABLE))
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "The arms and frame are wrought iron, the drops and cups are crystal.",
+        "The chute is fibreglass, the steps and platforms are larch, and the panels are steel.",
+        "Lehne und Sitz sind Eiche, Fuß und Rolle sind Stahl.",
+    ],
+)
+def test_statements_are_no_list_by_position(text):
+    assert in_sentences(text, ["object"], lexicon_of(TABLE)) == text

@@ -128,3 +128,34 @@ def test_the_same_has_the_numbers_too(said):
     bound = with_second_opinion(read_sentence(text, labels, table), labels, table)
     own = [bound.sentence.clauses[k] for k in bound.parts[1].clauses]
     assert {(q.measure, q.value) for c in own for q in c.numbers} == {("E", 7e10), ("rho", 2700)}
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "E of the rib should be 1.5 x that of the plate; plate oak",
+        "plate oak. For the rib assume E 1.5 times that of the plate",
+    ],
+)
+def test_a_symbol_says_what_is_compared(text):
+    labels, table = [["rib"], ["plate"]], load_table()
+    bound = with_second_opinion(read_sentence(text, labels, table), labels, table)
+    own = [bound.sentence.clauses[k] for k in bound.parts[0].clauses]
+    assert {(x.measure, x.factor) for c in own for x in c.comparisons} == {("E", 1.5)}
+
+
+def test_parts_of_one_name_are_no_circle():
+    """ "B twice as stiff as A" says nothing of A."""
+    labels, table = [["shaft_A"], ["shaft_B"]], load_table()
+    text = "Shaft A nylon; shaft B twice as stiff as shaft A"
+    bound = with_second_opinion(read_sentence(text, labels, table), labels, table)
+    said = [[bound.sentence.clauses[k] for k in part.clauses] for part in bound.parts]
+    assert [c.comparisons for c in said[0]] == [()]
+    assert [(x.factor, x.other) for c in said[1] for x in c.comparisons] == [(2.0, ("shaft", "a"))]
+
+
+def test_an_accent_is_no_other_part():
+    """ "núcleo" is the part "nucleo", and not the part that was spoken of last."""
+    labels = [["laminado"], ["nucleo"], ["suela"]]
+    found = relation_of("más rígido que el núcleo", 0, labels, 2, LEXICON)
+    assert found.other == 1

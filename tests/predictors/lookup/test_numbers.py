@@ -4,6 +4,7 @@ import pytest
 from autophyx_tet.fem.table import load_strengths, load_table, outside_band
 from autophyx_tet.predictors.resolve.numbers import (
     FIBRES,
+    POWDERS,
     may_have,
     modulus_of_shore_a,
     modulus_of_shore_d,
@@ -11,6 +12,7 @@ from autophyx_tet.predictors.resolve.numbers import (
     rubber_of,
     with_fibres,
     with_numbers,
+    with_powder,
 )
 from autophyx_tet.predictors.resolve.resolve import lookup_of
 from autophyx_tet.predictors.text.clauses import bind
@@ -183,3 +185,35 @@ def test_what_holds_something_is_not_made_of_it():
     assert _chosen("soup").material == "soup (contents)"
     assert _chosen("butter").material == "butter"
     assert _chosen("oak_barrel").row.category == "wood"
+
+
+def test_powder_is_between_the_bounds_of_mixtures():
+    """Above Reuss's and below Voigt's, as any law of two phases; the density is that of volumes."""
+    epoxy = TABLE.exact("epoxy").value()
+    for powder, grain in POWDERS.items():
+        share = 0.4
+        value, _ = with_powder(epoxy, powder, share)
+        volume = share / grain["rho"] / (share / grain["rho"] + (1 - share) / epoxy.rho)
+        reuss = 1 / (volume / grain["E"] + (1 - volume) / epoxy.E)
+        voigt = volume * grain["E"] + (1 - volume) * epoxy.E
+        assert reuss <= value.E <= voigt, powder
+        assert value.rho == pytest.approx(volume * grain["rho"] + (1 - volume) * epoxy.rho)
+
+
+def test_powder_of_a_data_sheet():
+    """Glass beads in nylon 12: EOS PA 3200 GF has 3.2 GPa, HP's PA 12 GB of 40 % 2.8 GPa."""
+    sintered = TABLE.exact("sintered nylon 12").value()
+    value, _ = with_powder(sintered, "glass beads", 0.4)
+    assert 2.2e9 < value.E < 3.3e9  # of a row whose middle is 1.6 GPa
+
+
+def test_numbers_of_another_state_are_taken():
+    """A modulus and a density that are both far from the row's: cells, a compound."""
+    titanium, foam = TABLE.exact("titanium"), TABLE.exact("PU foam")
+    said = [Quantity("E", 3e9, "3 GPa", called=False), Quantity("rho", 1800.0, "1.8 g/cm3")]
+    found = with_numbers("cup", titanium, titanium.value(), said, named=True)
+    assert (found.value.E, found.value.rho) == (3e9, 1800.0)
+    mass = with_numbers(
+        "seat", foam, foam.value(), [Quantity("mass", 35.0, "35 kg")], volume=1e-3, named=True
+    )
+    assert mass.value.rho == 35.0

@@ -1,0 +1,90 @@
+"""What a text leaves open, and what it takes back: by parts, in four languages."""
+
+import pytest
+from autophyx_tet.fem.table import load_table
+from autophyx_tet.predictors.text.clauses import corrected
+from autophyx_tet.predictors.text.materials import lexicon_of
+from autophyx_tet.predictors.text.reader import read_sentence
+from autophyx_tet.predictors.text.relations import left_open
+from autophyx_tet.predictors.text.tagger import with_second_opinion
+
+TABLE = load_table()
+LEXICON = lexicon_of(TABLE)
+
+
+def heard(text, *names):
+    labels = [[name] for name in names]
+    return corrected(
+        text, lambda said: with_second_opinion(read_sentence(said, labels, TABLE), labels, TABLE)
+    )
+
+
+def rows_of(bound):
+    return [
+        {bound.sentence.clauses[k].material for k in part.clauses} - {None} for part in bound.parts
+    ]
+
+
+@pytest.mark.parametrize(
+    "said",
+    [
+        "no idea what the lid is", "lid: unknown", "the lid is some stuff, who knows",
+        "nobody can say what the lid is made of", "lid to be confirmed", "lid as on the old model",
+        "Deckel keine Ahnung", "Deckel noch offen", "le couvercle, aucune idée",
+        "la tapa ni idea de qué es", "la tapa por definir", "the lid: ask the shop",
+    ],
+)  # fmt: skip
+def test_a_part_may_be_left_open(said):
+    """It is told by its name, and takes nothing on from what is said of others."""
+    bound = heard(f"box oak, frame brass. {said}.", "lid", "box", "frame")
+    rows = rows_of(bound)
+    assert rows[0] == set()
+    assert all(rows[1:])
+    (note,) = [n for n in bound.sentence.notes if getattr(n, "kind", "") == "tagger.left_open"]
+    assert note.values["part"] == "lid"
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "the lid is oak, and we do not know its price",
+        "delivery of the lid is open. Lid oak",
+        "the lid is oak, the colour is unknown",
+        "E of the lid is 2.0 GPa, its density unknown",
+    ],
+)
+def test_what_is_open_is_not_always_the_matter(text):
+    """Where a matter or a number of the part stands beside it or elsewhere, it keeps that."""
+    bound = heard(f"box brass. {text}.", "lid", "box")
+    assert bound.parts[0].clauses
+
+
+def test_the_rest_may_be_left_open():
+    """Parts of which nothing else is said."""
+    labels, matters = [["lid"], ["box"], ["foot"]], [(4, 7)]
+    text = "lid oak. About the rest nobody can tell."
+    assert set(left_open(text, labels, [1, 2], matters, LEXICON)) == {1, 2}
+    assert not left_open("lid oak. The rest is brass.", labels, [1, 2], matters, LEXICON)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "seat brass, leg oak. Edit: the seat is cork",
+        "seat = brass, leg = oak\nCORRECTION: seat cork",
+        "leg oak, seat brass. Update after the test: seat is cork now",
+        "seat brass; leg oak. Korrektur: seat Kork",
+        "seat laiton, leg chêne. Rectificatif : seat liège",
+    ],
+)
+def test_a_correction_replaces_what_was_said(text):
+    """Of the parts that it names; the others keep theirs."""
+    cork, oak = TABLE.exact("cork").name, TABLE.exact("oak").name
+    assert rows_of(heard(text, "seat", "leg")) == [{cork}, {oak}]
+
+
+def test_a_correction_of_no_part_changes_nothing():
+    text = "seat brass, leg oak. Edit: photos added, thanks all."
+    assert rows_of(heard(text, "seat", "leg")) == [
+        {TABLE.exact("brass").name}, {TABLE.exact("oak").name},
+    ]  # fmt: skip
