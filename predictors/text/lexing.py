@@ -704,7 +704,9 @@ def _with_positions(text: str, names: Collection[str]) -> str:
 
 _ORDER = re.compile(words()["order"]["pattern"])
 _SENTENCE = re.compile(
-    r"[^\s;,.].*?(?=\n|;\s|(?<=\w{2}|.[)%])\.\s+[A-ZÄÖÜÉ]|\.?\s*$)", re.MULTILINE
+    r"[^\s;,.].*?(?=\n|;\s|(?<=\w{2}|.[)%\d])\.\s+[A-ZÄÖÜÉ]"
+    r"|(?<=\w{5})\.\s+[a-z]|\.?\s*$)",
+    re.MULTILINE,
 )
 _BEFORE_LIST = re.compile(
     r":(?=\s)|[-=]>|→|(?<=\s)=(?=\s)"
@@ -751,8 +753,11 @@ def _by_position(text: str, names: Sequence[str], lexicon: ReaderLexicon) -> str
             lexemes = lexemes or lex(text, lexicon, names).lexemes
             spoken = {w for x in lexemes if begin <= x.start < head and x.part for w in x.words}
             kin = [n for n in names if any(w.isalpha() and w in spoken for w in part_name_words(n))]
+            others = (x for x in lexemes if x.part and not start <= x.start < end)
+            elsewhere = {w for x in others for w in x.words}
+            free = [n for n in names if not {*filter(str.isalpha, part_name_words(n))} <= elsewhere]
             called = [text[a:b] for a, b in things] if listed else _of_number(
-                len(matters), kin or names, counted
+                len(matters), kin or free or names, counted
             )  # fmt: skip
             numbered = listed and not any(map(_WORDED.search, called[1:]))  # "rollers 1, 2 and 3"
             if numbered and (last := _LAST_NUMBER.search(called[0])):
@@ -922,6 +927,9 @@ _GROUP = re.compile(
 )
 _OF_GROUP = re.compile(rf"({_BETWEEN})({_NAMED})?({_DECIMAL})(\s?(?:{_DENSITY})(?!\w))?")
 _NO_MODULUS = re.compile(r"(?i)(?:strength|stress|yield|tensile|load|\b(?:uts|rm|re|rp0[.,]2))\W*$")
+_BARE_RHO = re.compile(  # "205 GPa, 7850"; neither 0.33 nor a grade such as 7075
+    r"(?<=GPa)([,/ ]{1,3})((?!7050)\d{2}[05]0|[12]?\d(?<!0)\.\d{1,2})(?=\s*(?:[;|\n)]|\.(?!\d)|$))"
+)
 _BARE_E = re.compile(
     rf"(?<![\w.])([Ee]\s?[=:]?\s?)({_FIGURE})(?=\s*[,;/ ]\s*(?:nu|ν|v|pr)\s?[=:]?\s?0?\.\d)"
 )
@@ -993,6 +1001,7 @@ def _grouped(text: str) -> str:
     text = _IN_A_SYSTEM.sub(in_units, text)
     if not re.search(rf"(?<!\w)(?:{_PRESSURE})(?!\w)", text) and not _UNITS.search(text):
         text = _BARE_E.sub(in_its_unit, text)
+    text = _BARE_RHO.sub(lambda m: m[0] + (" g/cm3" if "." in m[2] else " kg/m3"), text)
     return _GROUP.sub(named, text)
 
 

@@ -191,7 +191,8 @@ def of_one_piece(bound: Bound, labels: Sequence[Sequence[str]], table: MaterialT
     if not (apart or _are_apart([x for x in found if x.chance > MEANT] or found, of, text)):
         one_matter = _of_one_matter(bound, found, labels, table)
         said_of = (one_matter.sentence.clauses[k].material for k in one_matter.parts[0].clauses)
-        if len({*said_of} - {None}) < 2:
+        kinds = {table.exact(name).category for name in {*said_of} - {None}}
+        if len(kinds) < 2:  # "aluminium, 6082"
             return one_matter
 
     def subject(owned: Sequence[Owned], before: Subject) -> Subject:

@@ -92,6 +92,7 @@ class PartLabels:
         nouns = [w for w in self.own if w not in sided and len(w) > 1 and w.isalpha()]
         self.head = nouns[-1] if nouns else next(iter(self.own[-1:]), "")
         self.sides = positions(self.own)
+        self.coded = len(self.own) == 2 and len(self.own[0]) == 1 and self.own[1].isdigit()
         aside = places() - known_parts()  # the last word of "leg_left" is leg, of "table_top" top
         self.tail = [word for word in self.own if word.isalpha() and word not in aside][-1:]
 
@@ -118,6 +119,8 @@ def parts_named(name: Phrase, parts: Sequence[PartLabels]) -> dict[int, PartMatc
         tier = part.tier(name[-1])
         if not tier and name[-1] in forms:  # "the butt section" of a part "butt"
             tier = max((part.tier(word) for word in name[-2:-1]), default=0)
+        if not tier and part.coded and name[: len(part.own)] == part.own:
+            tier = HEAD  # "A100 housing" of a part "A100"
         against = any(part.sides.get(axis, side) != side for axis, side in sides.items())
         if tier and not against:
             matched = {w for w in name if w in part.own or w in part.label}

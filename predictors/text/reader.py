@@ -50,14 +50,16 @@ _GROUPED = (
 
 
 def parse(
-    text: str, table: MaterialTable, names: Sequence[str] = (), *, language: str = ""
-) -> Sentence:
+    text: str, table: MaterialTable, names: Sequence[str] = (), *, language: str = "",
+    beside: str = "",
+) -> Sentence:  # fmt: skip
     """Return what a text says of materials, read once.
 
     text: Plain English, as a sentence, a list, a table or a note.
     table: Whose rows are materials.
     names: What the asset calls its parts: a word of theirs is a part before it is a material.
     language: What it is in, "" where its words tell.
+    beside: What it is a part of: words there tell in which sense others are meant.
     Raises UsageError: Where the text is longer than ``LONGEST`` characters.
     Raises InputError: Where the English model is not installed.
     """
@@ -88,7 +90,7 @@ def parse(
     drafts += _filled(drafts, names, lexicon)
     unread = unread_lexemes(drafts, lexed, cascade.dropped)
     tell(unread, drafts, lexed.lexemes)
-    clauses = tuple(clause_of(text, draft, lexicon) for draft in drafts)
+    clauses = tuple(clause_of(text, draft, lexicon, beside) for draft in drafts)
     notes = dict.fromkeys([*lexed.notes, *(x.note for x in lexed.lexemes if x.note)])
     # What is of none: "it only looks like marble"
     told = [*notes, *(doubt for clause in clauses for doubt in clause.doubts)]
@@ -963,8 +965,8 @@ def tell(unread: Sequence[Lexeme], drafts: Sequence[Draft], lexemes: Sequence[Le
             draft.left += [] if lexeme.note else [lexeme.text]
 
 
-def clause_of(text: str, draft: Draft, lexicon: ReaderLexicon) -> Clause:
-    """Return the clause that a draft has become."""
+def clause_of(text: str, draft: Draft, lexicon: ReaderLexicon, beside: str) -> Clause:
+    """Return the clause that a draft has become; the text stands in what is ``beside`` it."""
     start = min((x.start for x in draft.lexemes), default=0)
     end = max((x.end for x in draft.lexemes), default=0)
     names = tuple(dict.fromkeys(name for name in draft.names if name))
@@ -978,7 +980,8 @@ def clause_of(text: str, draft: Draft, lexicon: ReaderLexicon) -> Clause:
     if meant and len(draft.unknown) > SHORT:
         draft.material, draft.phrase = lexicon.rows[meant], meant[0]
         draft.notes.append(Note("lexing.spelt", word=draft.unknown, near=meant[0]))
-    heads, low = {name[-1] for name in names}, {*re.findall(r"[^\W\d_]+", text.lower())}
+    low = {*re.findall(r"[^\W\d_]+", f"{text} {beside}".lower())}
+    heads = {name[-1] for name in names}
     for sense in words()["sense"]:
         near = heads & {*sense.get("things", ())} or low & {*sense.get("text", ())}
         if draft.material and near and draft.phrase.lower() == sense["word"]:

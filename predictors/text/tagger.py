@@ -688,7 +688,7 @@ def readings_of(
         of_matter = any(word in table.phrases for word in part.split())
         part = "part" if of_matter else part
         saying = lists()["alone"][language].format(part=part, words=_in_capitals(words, table))
-        alone = parse(saying, table, others, language=language)
+        alone = parse(saying, table, others, language=language, beside=text)
         read = tuple(c for c in alone.clauses if c.says_matter)
         unread = bool(alone.unread) or any(c.doubts or c.unknown for c in read)
     beside = _beside(i, text, every, labels, table)
@@ -953,7 +953,7 @@ def _words(said: Said, text: str) -> str:
         last, end = kind, start + len(words)
     phrase = ", ".join(runs.get("matter", []))
     if phrase and "alternative" in runs:
-        phrase += " or " + " ".join(runs["alternative"])
+        phrase = " or ".join([phrase, *runs["alternative"]])
     contents = (f"filled with {words}" for words in runs.get("content", []))
     return ", ".join([*([phrase] if phrase else []), *contents])
 

@@ -537,3 +537,40 @@ def test_what_is_no_heading_and_no_count_stays(text, parts):
 )
 def test_statements_are_no_list_by_position(text):
     assert in_sentences(text, ["object"], lexicon_of(TABLE)) == text
+
+
+@pytest.mark.parametrize(
+    ("text", "rho"),
+    [
+        ("lid 205 GPa, 7850. pin oak", 7850.0), ("lid: 450 GPa 3.21; pin oak", 3210.0),
+        ("lid 70 GPa, 7075", None), ("lid 69 GPa / 0.33", None),
+    ],
+)  # fmt: skip
+def test_a_bare_density_behind_a_modulus(clauses_of, text, rho):
+    said = [q for c in clauses_of(text, ["lid", "pin"])["lid"] for q in c.numbers]
+    assert [q.value for q in said if q.measure == "rho"] == pytest.approx(
+        [] if rho is None else [rho]
+    )
+
+
+@pytest.mark.parametrize(
+    ("text", "parts"),
+    [
+        (
+            "From outside: plywood 12, PIR 40 kg/m3, steel 0.6. Door frame oak.",
+            "slab_1 slab_2 slab_3 door_frame",
+        ),
+        ("top, back, neck = oak, brass, glass. soundpost spruce too", "top back neck soundpost"),
+        ("Der Aufbau ist v.o.n.u.: Eiche / Messing / Stahlblech", "slab_1 slab_2 slab_3"),
+    ],
+)
+def test_a_list_by_position_is_of_parts_that_nothing_else_names(clauses_of, text, parts):
+    said = clauses_of(text, parts.split())
+    rows = [{c.material for c in said[name]} - {None} for name in parts.split()]
+    assert all(len(own) == 1 for own in rows), rows
+    assert len({*map(tuple, rows)}) == len(rows)
+
+
+def test_a_code_before_a_word_names_the_part(agree):
+    agree("A100 housing = oak; A110 cam = brass; A120 plug = glass => "
+          "A100: oak; A110: brass; A120: glass")  # fmt: skip
