@@ -6,9 +6,9 @@ values and the doubts about words are scored. All in one process: 40 ms a senten
 words leave parts open and the network is asked, minutes in all. What stands on the line beside the
 options here goes to `assign` (``--predictor retrieval``).
 
-One set served to build the reader. Each later one (``second`` to ``twentyfifth``) was written
+One set served to build the reader. Each later one (``second`` to ``twentysixth``) was written
 before the reader was run on it. All but the last then served to mend it: ``held_out`` after it had
-been scored twelve times, the tenth to twenty-fourth, by three hands each, after once. Sets held
+been scored twelve times, the tenth to twenty-fifth, by three hands each, after once. Sets held
 out, those in ``data/held_out``, are scored with ``--held-out`` alone; every look is written down in
 ``data/held_out_looks.jsonl``, and their rows say how many there were. Their sentences are never
 listed. The files say how they were written.
@@ -64,6 +64,7 @@ SETS = (
     "twentysecond_engineers", "twentysecond_trades", "twentysecond_languages",
     "twentythird_engineers", "twentythird_trades", "twentythird_languages",
     "twentyfourth_engineers", "twentyfourth_trades", "twentyfourth_languages",
+    "twentyfifth_engineers", "twentyfifth_trades", "twentyfifth_languages",
     # Written for development, and never held out: nine of engineers, three of other languages,
     # three of trades, one of all, two about things of one part.
     *(f"development_{letter}" for letter in "abcdefghijklmnopqr"),

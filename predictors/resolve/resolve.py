@@ -172,7 +172,7 @@ class Lookup:
             between = sentence.text[before.span[1] : clause.span[0]] if before else "."
             of = [p.name for p, b in zip(parts, bound.parts, strict=True) if k - 1 in b.clauses]
             if says and of and not re.search(r"[.;\n]\s", between):
-                warnings.append(_of_parts(Note("reader.beside_left", word=clause.text), of))
+                warnings.append(_of_parts(Note("resolve.left_out", word=clause.text), of))
         if of := [parts[i].name for i in bound.mute if bound.parts[i].clauses]:
             warnings.append(_of_parts(Note("resolve.mute_text"), of))
         lost = {k for k in bound.unbound if sentence.clauses[k].says_matter}

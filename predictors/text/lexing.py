@@ -927,6 +927,10 @@ _GROUP = re.compile(
 )
 _OF_GROUP = re.compile(rf"({_BETWEEN})({_NAMED})?({_DECIMAL})(\s?(?:{_DENSITY})(?!\w))?")
 _NO_MODULUS = re.compile(r"(?i)(?:strength|stress|yield|tensile|load|\b(?:uts|rm|re|rp0[.,]2))\W*$")
+_POINT = re.compile(r"(?<=\d)\.10\^(-?\d+)")  # "2,05.10^5"
+_PER_CUBE = re.compile(
+    r"(?i)(?<=\d) ?kg (?:le|par|por|el|pro|je|per|the) (?:m3|m³|cubic met\w+)(?!\w)"
+)
 _BARE_RHO = re.compile(  # "205 GPa, 7850"; neither 0.33 nor a grade such as 7075
     r"(?<=GPa)([,/ ]{1,3})((?!7050)\d{2}[05]0|[12]?\d(?<!0)\.\d{1,2})(?=\s*(?:[;|\n)]|\.(?!\d)|$))"
 )
@@ -1001,6 +1005,7 @@ def _grouped(text: str) -> str:
     text = _IN_A_SYSTEM.sub(in_units, text)
     if not re.search(rf"(?<!\w)(?:{_PRESSURE})(?!\w)", text) and not _UNITS.search(text):
         text = _BARE_E.sub(in_its_unit, text)
+    text = _POINT.sub(r"e\1", _PER_CUBE.sub(" kg/m3", text))
     text = _BARE_RHO.sub(lambda m: m[0] + (" g/cm3" if "." in m[2] else " kg/m3"), text)
     return _GROUP.sub(named, text)
 
@@ -1067,6 +1072,9 @@ def _system_of(rho: float) -> tuple[tuple[float, float], float, float] | None:
     return next((s for s in _SYSTEMS if s[0][0] <= rho < s[0][1]), None)
 
 
+_SHARED_OUT = re.compile(r"\s/\s|[;,]\s|^[\w ]{3,20}:\s")  # "use: frame -> S355 / plate -> AW6082"
+
+
 def _decks(text: str, names: Collection[str]) -> str:
     """The text with a sentence in place of each material's cards; bare numbers in their units."""
     text = _CONTINUED.sub(lambda m: f"{m[1]} " if m[1] else "\n", _LISTED.sub(_as_cards, text))
@@ -1081,7 +1089,10 @@ def _decks(text: str, names: Collection[str]) -> str:
         called.setdefault(m[2] or m[4], []).append((m[1] or m[3]).strip())
     lines = _SECTION.sub("", text).splitlines()
     cards = [*_cards(lines)]
-    comments = [found[1] for found in map(_COMMENT.match, lines) if found]
+    comments = [
+        piece for found in map(_COMMENT.match, lines) if found
+        for piece in (_SHARED_OUT.split(found[1]) if found[1].count("->") > 1 else [found[1]])
+    ]  # fmt: skip
     for m in (m for comment in comments for m in _CALLED.finditer(comment)):
         called.setdefault(m[1] or m[4], []).append((m[2] or m[3]).strip().replace(" + ", " and "))
     keys = {card.key for card in cards}

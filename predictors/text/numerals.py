@@ -396,6 +396,7 @@ def _si(unit: str) -> tuple[str | None, float]:
     """What a unit measures, None for nothing of ours, and how much of SI it is."""
     if unit.strip() == "T":
         return "other", 1.0  # teeth: "50T"
+    unit = re.sub(r"^kg(?=\s?/\s?[mc]m(?:\^?2|²))", "kgf", unit)  # as old drawings have it
     unit = re.sub(r"^Mg(?=\W)", "t", unit)  # a megagram; of any other m, careless hands decide
     name = DATA["units"]["named"].get(unit.strip().lower())
     for times, atom in [] if name else re.findall(rf"({_TIMES})?({_ATOM})", unit):

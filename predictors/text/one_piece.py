@@ -191,7 +191,7 @@ def of_one_piece(bound: Bound, labels: Sequence[Sequence[str]], table: MaterialT
     if not (apart or _are_apart([x for x in found if x.chance > MEANT] or found, of, text)):
         one_matter = _of_one_matter(bound, found, labels, table)
         said_of = (one_matter.sentence.clauses[k].material for k in one_matter.parts[0].clauses)
-        kinds = {table.exact(name).category for name in {*said_of} - {None}}
+        kinds = {table.exact(name).category for name in said_of if name}
         if len(kinds) < 2:  # "aluminium, 6082"
             return one_matter
 

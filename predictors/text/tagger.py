@@ -498,6 +498,7 @@ def _called(name: str) -> str:
 READERS = ("grammar", "words", "phrase")
 MANY_ROWS = 0.1  # of chance: what a grammar's reading of two matters must be the likelier by
 ASIDE = 0.9  # certainty of the tagger that words are no matter of any part
+LIKELY = 0.75  # chance of a reading from which what is said of all is one part's, if heard for it
 _BESIDE = {"reader.beside_idle", "reader.beside_left"}  # words that say nothing of a matter
 _SAME = re.compile(lists()["hedges"]["same"])
 _DECIDING = ("matter", "number", "relation", "content")
@@ -568,7 +569,7 @@ def with_second_opinion(
             doubts = _doubts_of(best, readings, text, said, likely=chance > judge.doubted)
             plain = chance > judge.plain
             own, how = parts[i]
-            if facts["same"] and facts["heard"] and chance > judge.doubted:
+            if facts["same"] and facts["heard"] and chance > LIKELY:
                 # Given to all for want of a part that it names, and heard for this one and not for
                 # all; "it is brass" too, where the text says no other matter of this part
                 alone = any(other.words != said.words for other in every)
