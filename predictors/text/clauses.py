@@ -317,9 +317,11 @@ def corrected(text: str, read: Callable[[str], Bound]) -> Bound:
         unsure = any(
             getattr(d, "kind", "").startswith("tagger.") for clause in own for d in clause.doubts
         )
-        anew = any(clause.says_matter for clause in own) and not (unsure and old.clauses)
+        said = any(c.material or c.kind or c.unknown or c.comparisons for c in own)
+        anew = (said or any(c.numbers for c in own)) and not (unsure and old.clauses)
         moved = tuple(k + len(first.sentence.clauses) for k in new.clauses)
-        parts.append(BoundPart(moved, new.how) if anew else old)
+        kept = BoundPart() if said else old  # "Edit: seat density 700 kg/m3" leaves it oak
+        parts.append(BoundPart(moved + kept.clauses, new.how + kept.how) if anew else old)
     if parts == [*first.parts]:
         return read(text)
     one, two = first.sentence, second.sentence

@@ -757,7 +757,7 @@ def _by_position(text: str, names: Sequence[str], lexicon: ReaderLexicon) -> str
             elsewhere = {w for x in others for w in x.words}
             free = [n for n in names if not {*filter(str.isalpha, part_name_words(n))} <= elsewhere]
             called = [text[a:b] for a, b in things] if listed else _of_number(
-                len(matters), kin or free or names, counted
+                len(matters), kin or (free if len(free) == len(matters) else names), counted
             )  # fmt: skip
             numbered = listed and not any(map(_WORDED.search, called[1:]))  # "rollers 1, 2 and 3"
             if numbered and (last := _LAST_NUMBER.search(called[0])):
@@ -1006,7 +1006,8 @@ def _grouped(text: str) -> str:
     if not re.search(rf"(?<!\w)(?:{_PRESSURE})(?!\w)", text) and not _UNITS.search(text):
         text = _BARE_E.sub(in_its_unit, text)
     text = _POINT.sub(r"e\1", _PER_CUBE.sub(" kg/m3", text))
-    text = _BARE_RHO.sub(lambda m: m[0] + (" g/cm3" if "." in m[2] else " kg/m3"), text)
+    if re.search(rf"(?<!\w)(?:{_DENSITY})|(?i:dens)", text):  # it speaks of densities
+        text = _BARE_RHO.sub(lambda m: m[0] + (" g/cm3" if "." in m[2] else " kg/m3"), text)
     return _GROUP.sub(named, text)
 
 

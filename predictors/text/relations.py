@@ -170,6 +170,8 @@ def left_open(
         for begin in [*reversed(begins), first]:
             if any(over(place, (begin, end)) for place in matters):
                 break
+            if re.search(_data()["open"]["other"], text[begin:end]):
+                break  # "the colour of the lid is unknown"
             parts = next(filter(None, _called(text[begin:end], labels, lexicon)), ())
             if parts := parts or (silent if re.search(of_rest, text[begin:end]) else ()):
                 out |= dict.fromkeys(parts, (begin, end))

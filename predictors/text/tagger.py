@@ -630,13 +630,14 @@ def with_second_opinion(
     matters = [w[1:] for said in every for w in said.words if w.role == "matter"]
     silent = [i for i, part in enumerate(parts) if not (part.clauses or every[i].words)]
     for i, (start, end) in left_open(text, labels, silent, matters, lexicon_of(table)).items():
-        said_here = [k for k in parts[i].clauses if over(clauses[k].span, (start, end))]
-        if any(clauses[k].comparisons or clauses[k].numbers for k in said_here):
+        own = [clauses[k] for k in parts[i].clauses]
+        said_here = [c for c in own if over(c.span, (start, end))]
+        if any(c.comparisons or c.numbers for c in said_here):
             continue
-        if len(said_here) == len(parts[i].clauses) or not every[i].words:
-            note = Note("tagger.left_open", part=names[i], words=text[start:end].strip())
+        notes.append(Note("tagger.left_open", part=names[i], words=text[start:end].strip()))
+        # What has a matter elsewhere keeps it
+        if all(over(place_of(c, text), (start, end)) for c in own if c.material):
             parts[i] = BoundPart()
-            notes.append(note)
             taken.append((start, end))
     bound = replace(bound, sentence=replace(bound.sentence, notes=(*bound.sentence.notes, *notes)))
     return _without_idle(bound, clauses, parts, taken, every)

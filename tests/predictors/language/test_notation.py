@@ -542,7 +542,9 @@ def test_statements_are_no_list_by_position(text):
 @pytest.mark.parametrize(
     ("text", "rho"),
     [
-        ("lid 205 GPa, 7850. pin oak", 7850.0), ("lid: 450 GPa 3.21; pin oak", 3210.0),
+        ("lid 205 GPa, 7850. pin 1150 kg/m3", 7850.0),
+        ("lid: 450 GPa 3.21; pin oak. All densities in g/cm3", 3210.0),
+        ("lid 205 GPa, 7850. pin oak", None),
         ("lid 70 GPa, 7075", None), ("lid 69 GPa / 0.33", None),
     ],
 )  # fmt: skip

@@ -51,6 +51,9 @@ def test_a_part_may_be_left_open(said):
         "delivery of the lid is open. Lid oak",
         "the lid is oak, the colour is unknown",
         "E of the lid is 2.0 GPa, its density unknown",
+        "lid colour unknown, PC",
+        "lid (thickness to be decided) of PC",
+        "the lid is open, oak",
     ],
 )
 def test_what_is_open_is_not_always_the_matter(text):
@@ -81,6 +84,13 @@ def test_a_correction_replaces_what_was_said(text):
     """Of the parts that it names; the others keep theirs."""
     cork, oak = TABLE.exact("cork").name, TABLE.exact("oak").name
     assert rows_of(heard(text, "seat", "leg")) == [{cork}, {oak}]
+
+
+def test_a_corrected_number_leaves_the_matter():
+    bound = heard("seat oak, leg steel. Edit: seat density 700 kg/m3", "seat", "leg")
+    assert rows_of(bound)[0] == {TABLE.exact("oak").name}
+    numbers = [q for k in bound.parts[0].clauses for q in bound.sentence.clauses[k].numbers]
+    assert [(q.measure, q.value) for q in numbers] == [("rho", 700.0)]
 
 
 def test_a_correction_of_no_part_changes_nothing():
