@@ -275,7 +275,7 @@ def _read(
 ) -> tuple[Bound, MaterialTable]:
     """What a text says of the regions of a mesh, read here, once; and the materials it may name."""
     from ..predictors.regions.division import region_numbers
-    from ..predictors.text.clauses import bind, corrected
+    from ..predictors.text.clauses import CORRECTION, bind, corrected
     from ..predictors.text.one_piece import of_one_piece
     from ..predictors.text.reader import read_sentence
     from ..predictors.text.tagger import with_second_opinion
@@ -291,7 +291,7 @@ def _read(
         def read(said: str) -> Bound:
             return second(read_sentence(said, labels, table), labels, table)
 
-        return corrected(text, read), table
+        return corrected(text, read) if CORRECTION.search(text) else read(text), table
     from ..predictors.text.interpreter import ChatEndpoint, interpret
 
     names = [own[0] for own in labels]

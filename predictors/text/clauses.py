@@ -303,7 +303,7 @@ def corrected(text: str, read: Callable[[str], Bound]) -> Bound:
 
     A part that the correction names with its matter has no other: "seat alu. Edit: seat is oak".
     """
-    found = next((m for m in _CORRECTION.finditer(text) if text[: m.start()].strip()), None)
+    found = next((m for m in CORRECTION.finditer(text) if text[: m.start()].strip()), None)
     if found is None:
         return read(text)
     first, second = read(text[: found.start()]), read(text[found.end() :])
@@ -335,7 +335,7 @@ def corrected(text: str, read: Callable[[str], Bound]) -> Bound:
     return Bound(sentence, tuple(parts), first.unbound, first.mute)
 
 
-_CORRECTION = re.compile(words()["hedges"]["correction"])
+CORRECTION = re.compile(words()["hedges"]["correction"])
 _BESIDE = re.compile(r"(?i)\b(?:as|of|than)\s+(?:the\s+)?([^\W_]+)\W*$")
 
 

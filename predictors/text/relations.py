@@ -47,6 +47,9 @@ def _data() -> dict[str, Any]:
     return tomllib.loads((Path(__file__).parent / "data/relations.toml").read_text("utf-8"))
 
 
+LEFT_OPEN = re.compile(_data()["open"]["words"])
+
+
 def relation_of(
     said: str, own: int, labels: Sequence[Sequence[str]], before: int | None,
     lexicon: ReaderLexicon, context: str = "",
@@ -162,7 +165,7 @@ def left_open(
     """
     out: dict[int, Place] = {}
     of_rest = _data()["open"]["rest"]
-    for found in re.finditer(_data()["open"]["words"], text):
+    for found in LEFT_OPEN.finditer(text):
         first = max((m.end() for m in _SENTENCE.finditer(text, 0, found.start())), default=0)
         begins = [m.end() for m in _COMMA.finditer(text, first, found.start())]
         last = _END.search(text, found.end())

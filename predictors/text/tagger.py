@@ -32,7 +32,7 @@ from .materials import lexicon_of
 from .parts import part_words, places
 from .phrases import Meant, load_phrases
 from .reader import parse
-from .relations import BY_FACTOR, Relation, left_open, relation_of
+from .relations import BY_FACTOR, LEFT_OPEN, Relation, left_open, relation_of
 
 WEIGHTS = Path(__file__).parents[1] / "weights" / "tagger.safetensors"
 JUDGE = Path(__file__).parents[1] / "weights" / "judge.json"
@@ -629,7 +629,9 @@ def with_second_opinion(
         parts[i] = BoundPart(tuple(k for k, _ in bonds), tuple(way for _, way in bonds))
     matters = [w[1:] for said in every for w in said.words if w.role == "matter"]
     silent = [i for i, part in enumerate(parts) if not (part.clauses or every[i].words)]
-    for i, (start, end) in left_open(text, labels, silent, matters, lexicon_of(table)).items():
+    known = (labels, silent, matters, lexicon_of(table))
+    opened = left_open(text, *known) if LEFT_OPEN.search(text) else {}
+    for i, (start, end) in opened.items():
         own = [clauses[k] for k in parts[i].clauses]
         said_here = [c for c in own if over(c.span, (start, end))]
         if any(c.comparisons or c.numbers for c in said_here):
