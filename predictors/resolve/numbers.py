@@ -101,6 +101,11 @@ def hollowed(solid: MaterialValue, share: float) -> tuple[MaterialValue, str]:
     return value, Note("numbers.hollow", share=share, e=value.E, rho=value.rho)
 
 
+def _volume_share(share: float, rho: float, matrix: MaterialValue) -> float:
+    """Share of the volume that a ``share`` of the mass has, of a matter of a density in another."""
+    return share / rho / (share / rho + (1 - share) / matrix.rho)
+
+
 def with_fibres(matrix: MaterialValue, fibre: str, share: float) -> tuple[MaterialValue, str]:
     """Value of a moulded matter with short fibres of a ``share`` of its mass; nu stays.
 
@@ -110,7 +115,7 @@ def with_fibres(matrix: MaterialValue, fibre: str, share: float) -> tuple[Materi
     kind = FIBRES[fibre]
     if share <= 0:
         return matrix, ""
-    volume = share / kind.rho / (share / kind.rho + (1 - share) / matrix.rho)
+    volume = _volume_share(share, kind.rho, matrix)
     lag = 2 * matrix.E / (kind.E * (1 + matrix.nu) * math.log(1 / volume))
     x = math.sqrt(lag) * kind.aspect
     length = 1 - math.tanh(x) / x
@@ -127,7 +132,7 @@ def with_powder(matrix: MaterialValue, powder: str, share: float) -> tuple[Mater
     and the density.
     """
     grain = POWDERS[powder]
-    volume = share / grain["rho"] / (share / grain["rho"] + (1 - share) / matrix.rho)
+    volume = _volume_share(share, grain["rho"], matrix)
     stiffer = (grain["E"] - matrix.E) / (grain["E"] + 2 * matrix.E)
     value = matrix._replace(
         E=matrix.E * (1 + 2 * stiffer * volume) / (1 - stiffer * volume),
@@ -210,13 +215,14 @@ def with_numbers(
     if blend is not None:
         rows = {"CFRP (along fibre)": "carbon", "E-glass fibre": "glass"}  # of the words for them
         fibre = rows.get(blend.material)
-        if row.category != "metal" and blend.material in POWDERS:
-            value, line = with_powder(value, blend.material, blend.share)
-            how.append(line)
-        elif fibre is None or row.category == "metal":  # "flange CF63 1.4404"
+        known = fibre or blend.material in POWDERS
+        if not known or row.category == "metal":  # "flange CF63 1.4404"
             warnings.append(Note("numbers.part_changes_known", part=part, **vars(blend)))
         else:
-            value, line = with_fibres(value, fibre, blend.share)
+            value, line = (
+                with_fibres(value, fibre, blend.share) if fibre
+                else with_powder(value, blend.material, blend.share)
+            )  # fmt: skip
             how.append(line)
     for measure, relation in HARDNESSES:
         if measure in said and row.category in UNSHORED:

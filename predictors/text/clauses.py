@@ -19,6 +19,7 @@ from .parts import (
     PartLabels,
     PartMatch,
     known_parts,
+    part_labels,
     part_words,
     parts_named,
     stem,
@@ -231,7 +232,7 @@ def bind(sentence: Sentence, labels: Sequence[Sequence[str]]) -> Bound:
     labels: For each part its name, then all other words that the asset has for it.
     """
     clauses = sentence.clauses
-    parts = [PartLabels(tuple(names)) for names in labels]
+    parts = [part_labels(tuple(names)) for names in labels]
     matches: list[dict[int, PartMatch]] = [{} for _ in parts]
     for other in (False, True):  # "the other legs" are those that nothing else names
         for k, clause in enumerate(clauses):
@@ -298,6 +299,9 @@ def bind(sentence: Sentence, labels: Sequence[Sequence[str]]) -> Bound:
     return Bound(sentence, tuple(bound), tuple(left), tuple(mute))
 
 
+CORRECTION = re.compile(words()["hedges"]["correction"])
+
+
 def corrected(text: str, read: Callable[[str], Bound]) -> Bound:
     """A text as it is read, with what it says in a correction in place of what it said before.
 
@@ -335,7 +339,6 @@ def corrected(text: str, read: Callable[[str], Bound]) -> Bound:
     return Bound(sentence, tuple(parts), first.unbound, first.mute)
 
 
-CORRECTION = re.compile(words()["hedges"]["correction"])
 _BESIDE = re.compile(r"(?i)\b(?:as|of|than)\s+(?:the\s+)?([^\W_]+)\W*$")
 
 

@@ -259,19 +259,13 @@ def _special(text: str) -> Iterator[Numeral]:
         group = match.groupdict()
         fibre = group["fibre"] or group["fibre2"] or group["fibre4"] or group["fibre5"] or "glass"
         share = group["share"] or group["share2"] or group["share3"] or group["behind"]
-        note = "" if share else Note("numerals.share_said", match=match[0], usual_share=USUAL_SHARE)
         row = _FIBRE_ROWS[fibre[0].lower()]
         if fibre.lower() == "carbon" and not re.search(r"(?i)fib|reinforced", match[0]):
             row = "graphite"  # "25 % carbon filled": a powder
-        blend = Blend(row, int(share) / 100 if share else USUAL_SHARE)
-        yield Numeral(*match.span(), blend, note)
+        yield _blended(match, row, share)
     for match in _FILLED.finditer(text):
-        share, (powder,) = match["share"] or match["behind"], (
-            name for k, name in enumerate(POWDERS) if match[f"p{k}"]
-        )  # fmt: skip
-        note = "" if share else Note("numerals.share_said", match=match[0], usual_share=USUAL_SHARE)
-        blend = Blend(powder, int(share) / 100 if share else USUAL_SHARE)
-        yield Numeral(*match.span(), blend, note)
+        powder = next(name for k, name in enumerate(POWDERS) if match[f"p{k}"])
+        yield _blended(match, powder, match["share"] or match["behind"])
     for match in _FOAM_CODE.finditer(text):
         said = Quantity("rho", float(match["rho"]), match["code"])
         yield Numeral(match.start("code"), match.end("code"), said)
@@ -284,6 +278,14 @@ def _special(text: str) -> Iterator[Numeral]:
         value = Quantity(measure, float(degree), match[0]) if 0 < int(degree) <= 100 else None
         note = "" if value else Note("numerals.scale", match=match[0])
         yield Numeral(*match.span(), value, note)
+
+
+def _blended(found: re.Match, material: str, share: str | None) -> Numeral:
+    """So many percent of a second matter, the usual share where none is said."""
+    if share:
+        return Numeral(*found.span(), Blend(material, int(share) / 100))
+    note = Note("numerals.share_said", match=found[0], usual_share=USUAL_SHARE)
+    return Numeral(*found.span(), Blend(material, USUAL_SHARE), note)
 
 
 def _measures(text: str) -> Iterator[Numeral]:

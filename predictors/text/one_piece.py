@@ -148,7 +148,7 @@ def of_one_piece(bound: Bound, labels: Sequence[Sequence[str]], table: MaterialT
 
     It is read as a part among others (``_of_one_matter``). Its parts have their own matters where
     two of them have two, where matters of several kinds are listed, where the text speaks of a rest
-    or an exception, and where that reading still finds two.
+    or an exception, and where that reading still finds matters of two kinds.
 
     bound: What the grammar read.
     labels: What the asset calls the thing.

@@ -90,7 +90,8 @@ def parse(
     drafts += _filled(drafts, names, lexicon)
     unread = unread_lexemes(drafts, lexed, cascade.dropped)
     tell(unread, drafts, lexed.lexemes)
-    clauses = tuple(clause_of(text, draft, lexicon, beside) for draft in drafts)
+    spoken = {*re.findall(r"[^\W\d_]+", f"{text} {beside}".lower())}
+    clauses = tuple(clause_of(text, draft, lexicon, spoken) for draft in drafts)
     notes = dict.fromkeys([*lexed.notes, *(x.note for x in lexed.lexemes if x.note)])
     # What is of none: "it only looks like marble"
     told = [*notes, *(doubt for clause in clauses for doubt in clause.doubts)]
@@ -965,8 +966,8 @@ def tell(unread: Sequence[Lexeme], drafts: Sequence[Draft], lexemes: Sequence[Le
             draft.left += [] if lexeme.note else [lexeme.text]
 
 
-def clause_of(text: str, draft: Draft, lexicon: ReaderLexicon, beside: str) -> Clause:
-    """Return the clause that a draft has become; the text stands in what is ``beside`` it."""
+def clause_of(text: str, draft: Draft, lexicon: ReaderLexicon, spoken: set[str]) -> Clause:
+    """Return the clause that a draft has become; ``spoken`` words tell in which sense it is."""
     start = min((x.start for x in draft.lexemes), default=0)
     end = max((x.end for x in draft.lexemes), default=0)
     names = tuple(dict.fromkeys(name for name in draft.names if name))
@@ -980,10 +981,9 @@ def clause_of(text: str, draft: Draft, lexicon: ReaderLexicon, beside: str) -> C
     if meant and len(draft.unknown) > SHORT:
         draft.material, draft.phrase = lexicon.rows[meant], meant[0]
         draft.notes.append(Note("lexing.spelt", word=draft.unknown, near=meant[0]))
-    low = {*re.findall(r"[^\W\d_]+", f"{text} {beside}".lower())}
     heads = {name[-1] for name in names}
     for sense in words()["sense"]:
-        near = heads & {*sense.get("things", ())} or low & {*sense.get("text", ())}
+        near = heads & {*sense.get("things", ())} or {*sense.get("text", ())} & spoken
         if draft.material and near and draft.phrase.lower() == sense["word"]:
             draft.material = lexicon.first_row([sense["row"]]) or draft.material
     # What of a draft was guessed or left out

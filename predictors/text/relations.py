@@ -142,7 +142,9 @@ def _called(
     for size in range(_LONGEST, 0, -1):
         for at in range(len(cut) - size + 1):
             words = tuple(a.stem for a in cut[at : at + size])
-            yield parts_called(words, labels) or parts_called(tuple(map(bare, words)), labels)
+            plain = tuple(map(bare, words))  # "núcleo" of a part "nucleo"
+            named = parts_called(words, labels)
+            yield named or (parts_called(plain, labels) if plain != words else [])
     for a in cut:  # "la plaque" of a part "plate"
         for language in languages():
             for english in language.names(bare(a.text)):

@@ -627,10 +627,11 @@ def with_second_opinion(
             or not any(over(clauses[k].span, x) for x in taken)
         ]  # fmt: skip
         parts[i] = BoundPart(tuple(k for k, _ in bonds), tuple(way for _, way in bonds))
-    matters = [w[1:] for said in every for w in said.words if w.role == "matter"]
-    silent = [i for i, part in enumerate(parts) if not (part.clauses or every[i].words)]
-    known = (labels, silent, matters, lexicon_of(table))
-    opened = left_open(text, *known) if LEFT_OPEN.search(text) else {}
+    opened: dict[int, Place] = {}
+    if LEFT_OPEN.search(text):
+        matters = [w[1:] for said in every for w in said.words if w.role == "matter"]
+        silent = [i for i, part in enumerate(parts) if not (part.clauses or every[i].words)]
+        opened = left_open(text, labels, silent, matters, lexicon_of(table))
     for i, (start, end) in opened.items():
         own = [clauses[k] for k in parts[i].clauses]
         said_here = [c for c in own if over(c.span, (start, end))]

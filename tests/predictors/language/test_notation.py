@@ -563,6 +563,7 @@ def test_a_bare_density_behind_a_modulus(clauses_of, text, rho):
             "slab_1 slab_2 slab_3 door_frame",
         ),
         ("top, back, neck = oak, brass, glass. soundpost spruce too", "top back neck soundpost"),
+        ("In this order: oak, brass, glass. The lid weighs a lot.", "lid box foot"),
         ("Der Aufbau ist v.o.n.u.: Eiche / Messing / Stahlblech", "slab_1 slab_2 slab_3"),
     ],
 )
