@@ -19,7 +19,7 @@ from zlib import crc32
 
 import numpy as np
 
-from ..packed import STEP
+from ..packed import STEP, unpacked
 
 WEIGHTS = Path(__file__).parents[1] / "weights" / "phrases.safetensors"
 BUCKETS = 2**15  # of the hash; the first stands for nothing
@@ -65,10 +65,10 @@ class PhraseNetwork:
             self.rows: list[str] = json.loads(file.metadata()["rows"])
             self._vectors = file.get_tensor("vectors"), file.get_tensor(f"vectors{STEP}")
             self._values = file.get_tensor("values")  # ln E and ln rho of the rows
-            self._hidden, self._out = (
-                [file.get_tensor(f"{layer}.{kind}").astype(np.float32) for kind in ("w", "b")]
-                for layer in ("hidden", "out")
-            )
+            names = [name for name in file.keys() if name.startswith(("hidden", "out"))]
+            layers = unpacked({name: file.get_tensor(name) for name in names})
+            self._hidden = layers["hidden.w"], layers["hidden.b"]
+            self._out = layers["out.w"], layers["out.b"]
 
     def meant(self, phrase: str) -> Meant:
         """The row that a phrase most likely means."""

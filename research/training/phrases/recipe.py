@@ -230,12 +230,14 @@ def train_phrases(*, steps: int = STEPS, seed: int = 0, output: Path | None = No
 def save_phrases(
     network: PhraseLearner, rows: Sequence[str], values: np.ndarray, path: Path
 ) -> None:
-    """Write the weights, a byte and a step for each row of the vectors."""
+    """Write the weights: of the matrices a byte a number and a step for each row."""
     from safetensors.numpy import save_file
 
-    arrays = packed({"vectors": network.vectors.weight.detach().numpy()}) | {"values": values}
-    for name, layer in (("hidden", network.hidden), ("out", network.out)):
-        arrays[f"{name}.w"] = layer.weight.detach().numpy().astype(np.float16)
-        arrays[f"{name}.b"] = layer.bias.detach().numpy().astype(np.float32)
+    layers = {"hidden": network.hidden, "out": network.out}
+    matrices = {f"{name}.w": layer.weight for name, layer in layers.items()}
+    matrices |= {"vectors": network.vectors.weight}
+    arrays = packed({name: w.detach().numpy() for name, w in matrices.items()})
+    arrays |= {f"{name}.b": layer.bias.detach().numpy() for name, layer in layers.items()}
+    arrays |= {"values": values}
     path.parent.mkdir(parents=True, exist_ok=True)
     save_file(arrays, path, {"rows": json.dumps([*rows])})
