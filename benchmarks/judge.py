@@ -1,7 +1,8 @@
 """Fit the judge of readings on sets of sentences: which reading of a part is right, and how often.
 
-Every sentence goes through the command three times, each time with one reader's readings alone;
-logistic regressions from the facts about each part to whether its values are right are the judge.
+Every sentence is read three times, each time with one reader's readings alone, and looked up in the
+table as by the command; a small network from the facts about each part to whether its values are
+right is the judge.
 ``--folds`` prints what the judge does to sentences that it was not fitted on.
 """
 
@@ -11,16 +12,24 @@ import argparse
 import json
 import tempfile
 from collections.abc import Mapping, Sequence
+from multiprocessing import Pool
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import torch
+from autophyx_tet.fem.table import load_table
+from autophyx_tet.predictors.resolve.resolve import Lookup
 from autophyx_tet.predictors.text import tagger as judge
-from scipy.optimize import minimize
-from sentences import SETS, _read, allows, assigned, is_right
+from autophyx_tet.predictors.text.reader import read_sentence
+from sentences import SETS, _read, allows, bands_of, is_right
+from torch import nn
+from torch.nn import functional
 
 FITTED = SETS[SETS.index("sixteenth_engineers") :]
-RIDGE = 3.0  # penalty of the squares of the weights
+HIDDEN, LEFT_OUT, RATE, DECAY = 32, 0.2, 3e-3, 0.1
+EPOCHS, BATCH = 30, 256
+SHARES = 4  # of a set, read side by side
 
 
 class Forced:
@@ -36,10 +45,18 @@ class Forced:
         return {self.reader: 1.0, "grammar": 0.5}.get(reader, 0.0)
 
 
-def parts_of(names: Sequence[str], options: Sequence[str]) -> list[dict[str, Any]]:
+def parts_of(names: Sequence[str]) -> list[dict[str, Any]]:
     """For each part of the sets its facts, and by reader whether its values are right."""
-    found: list[dict[str, Any]] = []
-    every = judge.readings_of
+    jobs = [(name, k) for name in names for k in range(SHARES)]
+    with Pool() as pool:
+        return [part for found in pool.map(_of_share, jobs, chunksize=1) for part in found]
+
+
+def _of_share(job: tuple[str, int]) -> list[dict[str, Any]]:
+    """The parts of some of a set's sentences."""
+    (name, share), found = job, list[dict[str, Any]]()
+    table, bands = load_table(), bands_of(name)
+    lookup, every, load = Lookup(table=table), judge.readings_of, judge.load_judge
     seen: dict[int, tuple[list[judge.Reading], dict[str, float]]] = {}
 
     def recorded(i, *rest):
@@ -47,71 +64,79 @@ def parts_of(names: Sequence[str], options: Sequence[str]) -> list[dict[str, Any
         return seen[i]
 
     judge.readings_of = recorded
-    with tempfile.TemporaryDirectory() as folder:
-        for name in names:
-            data = _read(name)
-            for sentence in data["sentence"]:
-                wanted, parts = sentence["parts"], tuple(sentence["parts"])
-                right: dict[str, dict[str, bool]] = {part: {} for part in parts}
-                seen.clear()
-                for reader in judge.READERS:
-                    judge.load_judge = lambda reader=reader: Forced(reader)
-                    code, said = assigned(parts, sentence["text"], Path(folder), options)
-                    values = {} if code else {row["name"]: row for row in said["parts"]}
-                    for part in parts:
-                        right[part][reader] = part in values and is_right(
-                            wanted[part], values[part], values, data["band"], warned=False
-                        )
-                for i, part in enumerate(parts):
-                    if i not in seen:  # one part alone
-                        continue
-                    readings, facts = seen[i]
-                    found.append(
-                        {
-                            "set": name, "sentence": sentence["id"], "part": part, "facts": facts,
-                            "right": {r.reader: right[part][r.reader] for r in readings},
-                            "aside": bool(sentence.get("must_warn"))
-                            or any(allows(sentence, each) for each in wanted.values()),
-                        }
-                    )  # fmt: skip
-    judge.readings_of = every
+    for sentence in _read(name)["sentence"][share::SHARES]:
+        wanted, parts = sentence["parts"], [*sentence["parts"]]
+        if len(parts) == 1:
+            continue
+        labels = [[part] for part in parts]
+        bound = read_sentence(sentence["text"], labels, table)
+        text, gloss = bound.sentence.text, bound.sentence.gloss
+        said = judge.load_tagger().said(parts, text, gloss)
+        said = judge.shared_out(said, bound, judge.without_prefix(parts))
+        right: dict[str, dict[str, bool]] = {part: {} for part in parts}
+        seen.clear()
+        for reader in judge.READERS:
+            judge.load_judge = lambda reader=reader: Forced(reader)
+            heard = judge.with_second_opinion(bound, labels, table, said)
+            choices = lookup.settle(labels, heard, volumes=[1e-3] * len(parts)).choices
+            values = {p: c.value._asdict() for p, c in zip(parts, choices, strict=True)}
+            for part in parts:
+                right[part][reader] = is_right(wanted[part], values[part], values, bands, False)
+        for i, (readings, facts) in sorted(seen.items()):
+            found.append(
+                {
+                    "set": name, "sentence": sentence["id"], "part": parts[i], "facts": facts,
+                    "right": {r.reader: bool(right[parts[i]][r.reader]) for r in readings},
+                    "aside": bool(sentence.get("must_warn"))
+                    or any(allows(sentence, each) for each in wanted.values()),
+                }
+            )  # fmt: skip
+    judge.readings_of, judge.load_judge = every, load
     return found
 
 
-def fitted(parts: Sequence[Mapping[str, Any]]) -> dict[str, dict[str, float]]:
-    """Weights by reader and fact."""
-    weights = {}
-    for reader in judge.READERS:
-        own = [part for part in parts if reader in part["right"]]
-        names = list(own[0]["facts"])
-        x = np.array([[part["facts"][name] for name in names] for part in own])
-        y = np.array([part["right"][reader] for part in own], float)
-        scale = np.maximum(np.abs(x).max(axis=0), 1e-9)
+def fitted(parts: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """Facts, weights of a hidden layer (HIDDEN, facts + 1) and of the readers (3, HIDDEN + 1)."""
+    names = list(parts[0]["facts"])
+    x = torch.tensor([[part["facts"][name] for name in names] for part in parts])
+    scale = x.abs().amax(dim=0).clamp(min=1e-9)
+    there = torch.tensor([[float(r in part["right"]) for r in judge.READERS] for part in parts])
+    right = [[float(part["right"].get(r, False)) for r in judge.READERS] for part in parts]
+    y, x = torch.tensor(right), x / scale
+    torch.manual_seed(0)
+    hidden, out = nn.Linear(len(names), HIDDEN), nn.Linear(HIDDEN, len(judge.READERS))
+    network = nn.Sequential(hidden, nn.ReLU(), nn.Dropout(LEFT_OUT), out)
+    adam = torch.optim.AdamW(network.parameters(), lr=RATE, weight_decay=DECAY)
+    for epoch in range(EPOCHS):
+        adam.param_groups[0]["lr"] = RATE * (1 - epoch / EPOCHS)
+        for some in torch.randperm(len(x)).split(BATCH):
+            loss = functional.binary_cross_entropy_with_logits(
+                network(x[some]), y[some], weight=there[some], reduction="sum"
+            )
+            adam.zero_grad()
+            (loss / len(some)).backward()
+            adam.step()
 
-        def loss(w, x=x / scale, y=y):
-            z = x @ w
-            return np.logaddexp(0, z).sum() - y @ z + RIDGE / 2 * (w @ w)
+    def told(layer: nn.Linear, scale: torch.Tensor) -> list[list[float]]:
+        rows = torch.cat([layer.weight / scale, layer.bias[:, None]], dim=1).tolist()
+        return [[float(f"{w:.4g}") for w in row] for row in rows]
 
-        def slope(w, x=x / scale, y=y):
-            return x.T @ (1 / (1 + np.exp(-(x @ w))) - y) + RIDGE * w
-
-        w = minimize(loss, np.zeros(len(names)), jac=slope, method="L-BFGS-B").x / scale
-        weights[reader] = {n: round(float(v), 4) for n, v in zip(names, w, strict=True) if v}
-    return weights
+    return {"facts": names, "hidden": told(hidden, scale), "out": told(out, torch.ones(()))}
 
 
 def judged(
-    parts: Sequence[Mapping[str, Any]], weights: Mapping[str, Mapping[str, float]]
+    parts: Sequence[Mapping[str, Any]], weights: Mapping[str, Any]
 ) -> list[tuple[float, bool]]:
     """Chance of the reading that is taken of each part, and whether it is right."""
+    with tempfile.NamedTemporaryFile("w", suffix=".json") as file:
+        json.dump({"doubted": 0, "plain": 1} | dict(weights), file)
+        file.flush()
+        taken = judge.Judge(Path(file.name))
     out = []
     for part in parts:
-        z = {
-            r: sum(weights[r].get(name, 0.0) * v for name, v in part["facts"].items())
-            for r in part["right"]
-        }
-        best = max(z, key=z.get)
-        out.append((1 / (1 + np.exp(-z[best])), part["right"][best]))
+        chances = {r: taken.chance(r, part["facts"]) for r in part["right"]}
+        best = max(chances, key=chances.__getitem__)
+        out.append((chances[best], part["right"][best]))
     return out
 
 
@@ -133,15 +158,15 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0], allow_abbrev=False)
     parser.add_argument("--sets", nargs="+", choices=SETS, default=FITTED)
     parser.add_argument("-o", "--output", type=Path, default=judge.JUDGE)
-    parser.add_argument("--doubted", type=float, default=0.84)
+    parser.add_argument("--doubted", type=float, default=0.8)
     parser.add_argument("--plain", type=float, default=0.9)
     parser.add_argument("--parts", type=Path, help="keep, or take, the parts' facts in this file")
     parser.add_argument("--folds", type=int, default=10)
-    options, others = parser.parse_known_args()
+    options = parser.parse_args()
     if options.parts and options.parts.exists():
         parts = json.loads(options.parts.read_text())
     else:
-        parts = parts_of(options.sets, others)
+        parts = parts_of(options.sets)
         if options.parts:
             options.parts.write_text(json.dumps(parts))
     ids = sorted({part["sentence"] for part in parts})
@@ -161,8 +186,9 @@ def main() -> None:
         alone = [(1.0, part["right"].get(reader, False)) for part in parts]
         print(reader, "alone", line_of(parts, alone)[:60])
     print("any", line_of(parts, [(1.0, any(part["right"].values())) for part in parts])[:60])
-    data = {"doubted": options.doubted, "plain": options.plain, "weights": fitted(parts)}
-    options.output.write_text(json.dumps(data, indent=1) + "\n", encoding="utf-8")
+    data = {"doubted": options.doubted, "plain": options.plain} | fitted(parts)
+    lines = ",\n".join(f"{json.dumps(k)}: {json.dumps(v)}" for k, v in data.items())
+    options.output.write_text(f"{{\n{lines}\n}}\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -67,7 +67,7 @@ SETS = (
     "twentyfifth_engineers", "twentyfifth_trades", "twentyfifth_languages",
     # Written for development, and never held out: nine of engineers, three of other languages,
     # three of trades, one of all, two about things of one part.
-    *(f"development_{letter}" for letter in "abcdefghijklmnopqr"),
+    *(f"development_{letter}" for letter in "abcdefghijklmnopqrstu"),
 )  # fmt: skip
 EXACT = 1e-4  # stated numbers come out as stated; who converted psi by hand kept five digits
 NOTHING_KNOWN = ("unknown", "open")

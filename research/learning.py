@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 WEIGHTS, RANGE_WEIGHTS = "film.safetensors", "unipixie.safetensors"
 REGION_WEIGHTS = "regions.safetensors"
 KINDS, KIND_WEIGHTS = "kinds", "matter.json"  # kinds of matter by looks: seconds on any processor
-PHRASES = "phrases"  # rows by words of matter: two minutes of a processor
+PHRASES = "phrases"  # rows by words of matter: most of an hour of a processor
 TAGGER = "tagger"  # words of texts by parts: minutes on a GPU, from texts that it makes
 ONE_PIECE = "one-piece"  # words for parts by matters: two minutes on a GPU
 # AutoPhyX table 1, on a data set that is not published: beside our numbers, not among them.

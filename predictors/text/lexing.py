@@ -622,6 +622,7 @@ def in_sentences(text: str, names: Sequence[str] = (), lexicon: ReaderLexicon | 
     ``names``. Lists by position want a ``lexicon``, which knows what is a matter.
     """
     known = {name.lower() for name in names}
+    text = _DOTTED.sub(" | ", _SCATTER.sub("", text))
     text = _unabridged(_BRACKETED.sub(r" \1", _OBJECT.sub(_of_object, text)), names)
     text = _by_position(text, names, lexicon) if lexicon else text
     text = _under_units(_decks(_grouped(_with_positions(text, names)), names))
@@ -666,6 +667,8 @@ def in_sentences(text: str, names: Sequence[str] = (), lexicon: ReaderLexicon | 
     return _referred(*_definitions("\n".join(out), names))
 
 
+_SCATTER = re.compile(r"(?<=\d) ?(?:±|\+/-) ?\d+(?:[.,]\d+)?")  # "69 ± 2 GPa"
+_DOTTED = re.compile(r"(?m)(?<=\S) (?:\.{3,}|>>) (?=\S)")  # "bolt .... 29e6 .... 0.283"
 # As programs write them: "160[GPa]", {"brace": {"E_GPa": 62, "rho": 1540}}
 _BRACKETED = re.compile(rf"(?<=\d) ?\[({_PRESSURE}|{_DENSITY})\]")
 _OBJECT = re.compile(r"\{?\s*\"([^\"{}]+)\"\s*:\s*\{([^{}]*\d[^{}]*)\}[,\s}]*")
@@ -877,7 +880,7 @@ _ANNOUNCED = re.compile(
 _AND = r"(?:\s*[/;|]\s*|\s*,\s+|\s+(?:and|und|et|y)\s+)"
 _VALUE = rf"(\d{{2,3}}(?: \d{{3}})+(?![\d,])|{_DECIMAL}(?<!\.))"
 _HEADED = re.compile(r"[)\]]?(?:[^\d:;,.\n]*:|\.?\s)")
-_IN_A_ROW = re.compile(r"(?:[;|/,\t]|\s{2})\s*$")  # before a column's name
+_IN_A_ROW = re.compile(r"(?<!units)(?:[;|/,\t]|\s{2})\s*$")  # before a column's name
 
 
 def _under_units(text: str) -> str:
@@ -891,7 +894,7 @@ def _under_units(text: str) -> str:
             heads.append([m])
     heads = [
         own for own in heads
-        if _ANNOUNCED.match(text, own[0].start())
+        if (_ANNOUNCED.match(text, own[0].start()) or text[own[-1].end() :].startswith(":"))
         and len({m.lastgroup for m in own}) == len(own) > 1
         and not _IN_A_ROW.search(text[: own[0].start()])
         and _HEADED.match(text, own[-1].end())
@@ -1046,6 +1049,7 @@ _ABAQUS = re.compile(r"(?i)^\*MATERIAL\b.*?NAME\s*=\s*[\"']?([^\"',]+)")
 _SECTION = re.compile(
     r"(?im)^\*\w+ SECTION\b(?=.*ELSET ?= ?([^,\n]+))(?=.*MATERIAL ?= ?([^,\n]+)).*$"
     r"|^\*PART\b.*\n(?:\$.*\n)*(.+)\n(?:\$.*\n)*\s*\d+[,\s]+\d+[,\s]+(\d+).*$"
+    r"|^P(?:SOLID|SHELL),\s*\d+,\s*(\d+)[^$\n]*\$+\s*(.+)$"
 )
 _PROSE = re.compile(r"[a-z]{2}|(?:[^\W\d_]{2,}\W+){2}[^\W\d_]{2}")  # no card is so
 _IN_DECK = re.compile(rf"(?i)\*|MAT\d|MP,|\w+\s*=\s*DEFI_MATERIAU|{_FIGURE}[,\s]*[-=]>")
@@ -1087,7 +1091,7 @@ def _decks(text: str, names: Collection[str]) -> str:
     text = _REMARK.sub(_before_its_card, text)
     called = dict[str, list[str]]()
     for m in _SECTION.finditer(text):
-        called.setdefault(m[2] or m[4], []).append((m[1] or m[3]).strip())
+        called.setdefault(m[2] or m[4] or m[5], []).append((m[1] or m[3] or m[6]).strip())
     lines = _SECTION.sub("", text).splitlines()
     cards = [*_cards(lines)]
     comments = [
@@ -1343,7 +1347,8 @@ def _cards(lines: Sequence[str]) -> Iterator[_Card]:
                 numbers |= {k: n for k, n in zip(kinds, values, strict=False) if n}
                 kind = ""
             yield _Card(given or re.sub(r"[_-]+", " ", name), numbers, name)
-        elif _LS_DYNA.match(line):
+        elif found := _LS_DYNA.match(line):
+            title = line[found.end() :].strip(" $#") or title
             while at < len(lines) and lines[at].startswith("$"):
                 title = title if _SILENT.search(lines[at]) else lines[at].strip("$ ")
                 at += 1

@@ -1,16 +1,17 @@
 """The phrase network: which row of the table some words of matter mean.
 
 "CuAl10Fe5Ni5-C", "checkerplate ally" and "madera de haya" share their letters with what the table,
-the standards and the lists of other languages call alike. A phrase is the mean of the vectors of
-its runs of one to five letters, its words and its shape (fastText: Bojanowski et al. 2017), then
-one hidden layer. ``autophyx-tet train phrases`` makes the weights.
+the standards and the lists of other languages call alike; "shavings of cedar" and "wood chips"
+share their sense. A phrase is the mean of the vectors of its runs of one to five letters, its words
+and its shape (fastText: Bojanowski et al. 2017) beside its embedding by MiniLM, then one hidden
+layer. ``autophyx-tet train phrases`` makes the weights.
 """
 
 from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from functools import lru_cache
 from itertools import pairwise
 from pathlib import Path
@@ -18,13 +19,16 @@ from typing import NamedTuple
 from zlib import crc32
 
 import numpy as np
+from jaxtyping import Float
 
+from ..encoders.minilm import MiniLM
 from ..packed import STEP, unpacked
 
 WEIGHTS = Path(__file__).parents[1] / "weights" / "phrases.safetensors"
-BUCKETS = 2**15  # of the hash; the first stands for nothing
+BUCKETS = 2**14  # of the hash; the first stands for nothing
 LONGEST_RUN = 5  # letters
 SHAPE = 12  # signs: "CuAl10" is "AaAa00"
+SENSE = 8.0  # length of an embedding beside the vectors of letters
 ALIKE = (0.2, 0.06)  # differences in ln E and ln rho
 
 
@@ -61,6 +65,8 @@ class PhraseNetwork:
     def __init__(self, path: Path = WEIGHTS) -> None:
         from safetensors import safe_open
 
+        self._encoder = MiniLM()
+        self._shares = lru_cache(maxsize=4096)(self._shares_of)
         with safe_open(path, framework="np") as file:
             self.rows: list[str] = json.loads(file.metadata()["rows"])
             self._vectors = file.get_tensor("vectors"), file.get_tensor(f"vectors{STEP}")
@@ -72,17 +78,26 @@ class PhraseNetwork:
 
     def meant(self, phrase: str) -> Meant:
         """The row that a phrase most likely means."""
+        shares = self._shares(phrase)
+        best = int(shares.argmax())
+        share = self.share(phrase, [self.rows[best]]) if self.rows[best] else float(shares[best])
+        return Meant(self.rows[best], share)
+
+    def share(self, phrase: str, rows: Collection[str]) -> float:
+        """Share of the rows like one of these among all that a phrase may mean."""
+        own = self._values[[i for i, row in enumerate(self.rows) if row in rows]]
+        alike = (np.abs(self._values[:, None] - own) < ALIKE).all(axis=2).any(axis=1)
+        return float(self._shares(phrase)[alike].sum())
+
+    def _shares_of(self, phrase: str) -> Float[np.ndarray, " rows"]:
         places = features(phrase)
         vectors, steps = self._vectors
-        mean = (vectors[places] * steps[places]).mean(axis=0)
-        hidden = np.maximum(self._hidden[0] @ mean + self._hidden[1], 0)
+        letters = (vectors[places] * steps[places]).mean(axis=0)
+        x = np.concatenate([letters, SENSE * self._encoder.text([phrase])[0]])
+        hidden = np.maximum(self._hidden[0] @ x + self._hidden[1], 0)
         logits = self._out[0] @ hidden + self._out[1]
         shares = np.exp(logits - logits.max())
-        best = int(shares.argmax())
-        if not self.rows[best]:
-            return Meant("", float(shares[best] / shares.sum()))
-        alike = (np.abs(self._values - self._values[best]) < ALIKE).all(axis=1)
-        return Meant(self.rows[best], float(shares[alike].sum() / shares.sum()))
+        return shares / shares.sum()
 
 
 @lru_cache(maxsize=1)

@@ -491,9 +491,9 @@ def _called(name: str) -> str:
 
 # The judge. Three read what a text says of a part: the grammar takes the whole text apart; the
 # tagger's words of the part are read by themselves; the phrase network knows what words of matter
-# mean that no list has. Of each a logistic regression over how sure they are, what they have in
-# common and how the words stand in the text gives the chance that it is right. The best is taken,
-# and is a doubt where its chance is low. ``benchmarks/judge.py`` fits the weights.
+# mean that no list has. From how sure they are, what they have in common and how the words stand in
+# the text a small network gives the chance of each that it is right. The best is taken, and is a
+# doubt where its chance is low. ``benchmarks/judge.py`` fits the weights.
 
 READERS = ("grammar", "words", "phrase")
 MANY_ROWS = 0.1  # of chance: what a grammar's reading of two matters must be the likelier by
@@ -512,18 +512,19 @@ class Reading(NamedTuple):
 
 
 class Judge:
-    """Chances that readings are right, by the weights in a file."""
+    """Chances that readings are right, by the weights in a file: one hidden layer of ReLU."""
 
     def __init__(self, path: Path = JUDGE) -> None:
         data = json.loads(path.read_text(encoding="utf-8"))
-        self.weights: dict[str, dict[str, float]] = data["weights"]
+        self.facts: list[str] = data["facts"]
+        self._hidden, self._out = np.array(data["hidden"]), np.array(data["out"])  # shifts last
         self.doubted: float = data["doubted"]  # a chance below which a reading is a doubt
         self.plain: float = data["plain"]  # above which idle words beside a matter are none
 
     def chance(self, reader: str, facts: Mapping[str, float]) -> float:
         """Chance in [0, 1] that a reader is right of a part of which there are these facts."""
-        own = self.weights[reader]
-        return 1 / (1 + math.exp(-sum(own.get(name, 0.0) * x for name, x in facts.items())))
+        hidden = np.maximum(self._hidden @ [*(facts[name] for name in self.facts), 1.0], 0)
+        return float(1 / (1 + np.exp(-self._out[READERS.index(reader)] @ [*hidden, 1.0])))
 
 
 @lru_cache(maxsize=1)
@@ -745,6 +746,11 @@ def _compared(
         one, two = rows.get(a, set()), rows.get(b, set())
         return float(any(_are_alike(table, x, y) for x in one for y in two))
 
+    def meant_by(reader: str) -> float:
+        """How surely the phrase network takes the words for a matter like this reader's."""
+        said_here = phrase and rows.get(reader)
+        return _logit(load_phrases().share(phrase, rows[reader])) if said_here else 0.0
+
     how, spans = bound.parts[i].how, [(s, e) for r, s, e in said.words if r in _DECIDING]
     held = [bound.sentence.clauses[k].span for k in bound.named.difference(bound.parts[i].clauses)]
     shared = [  # words that the tagger has for other parts too
@@ -795,6 +801,8 @@ def _compared(
         "share_grammar": (_logit(meant.share) if meant else 0.0) * alike("grammar", "phrase"),
         "share_against": (_logit(meant.share) if meant and row else 0.0)
         * (bool(rows["grammar"]) and not alike("grammar", "phrase")),
+        "meant_by_grammar": meant_by("grammar"),
+        "meant_by_words": meant_by("words"),
         "grammar_points": float(_points(bound, i)),
         "of_another": float(any(a <= s and e <= b for a, b in held for s, e in spans)),
         "of_none": float(any(a <= s and e <= b for a, b in strange for s, e in spans)),

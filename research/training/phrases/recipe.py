@@ -3,13 +3,16 @@
 Phrases are the names and aliases of the table's rows, nouns of three languages, designations made
 from the patterns of ``predictors/text/data/designations.toml``, and words of matter of the texts
 that the tagger learns from (``data/phrases.tsv``): where the reader read them without a doubt its
-row, else one given by hand. Other words of these texts mean no row.
+row, else one given by hand. Other words of these texts mean no row. Twelve hands wrote phrases
+with the bands of E and density that experts would accept (``data/bands.txt``): of these every row
+in the band is right.
 """
 
 from __future__ import annotations
 
 import importlib
 import json
+import math
 import random
 import re
 import tomllib
@@ -27,27 +30,40 @@ from torch.nn import functional
 from ....fem.table import MaterialTable, load_table
 from ....predictors.packed import packed
 from ....predictors.text.english import DATA as TEXT
-from ....predictors.text.phrases import BUCKETS, features
+from ....predictors.text.phrases import BUCKETS, SENSE, features
+from ...on_device import minilm
 from ..tagger.generator import LANGUAGES
 from ..tagger.templates import load_templates
 
 DATA = Path(__file__).parent / "data"
-WIDTH = 96
+WIDTH, HIDDEN = 96, 256
+SIZE = 384  # of an embedding
 # How often a source is drawn from, for each of its phrases.
-WEIGHT = {"table": 1.0, "language": 1.0, "standard": 0.6, "reader": 1.8, "hand": 3.0, "other": 0.25}
+WEIGHT = {
+    "table": 1.0, "language": 1.0, "standard": 0.6, "reader": 1.8, "hand": 3.0, "other": 0.25,
+    "band": 6.0,
+}  # fmt: skip
 NO_ROW = ""
 OWN = 0.8  # of the target: the row itself; the rest is for rows that weigh and bend alike
 WIDTHS = np.array([0.15, 0.04])  # of that, in ln E and ln rho
 FAMILY = 12, 60, 8  # designations of a pattern: fewest, most, and one more for so many signs
-RATE, BATCH, STEPS = 4e-3, 256, 5000
+BESIDE = np.array([0.1, 0.03])  # in ln E and ln rho, how far beside a band a row is nearly right
+HARDLY, SHADE = 0.3, 0.15  # of a fit; of a cosine, what one row is the likelier by than another
+RATE, BATCH, STEPS = 4e-3, 512, 8000
+VERSIONS = 3  # of a phrase: as it stands, and worn
+LEFT_OUT = 0.1  # of what the hidden layer is given, in training
 
 
 class Phrase(NamedTuple):
-    """Words of matter, the row that they mean, and where that is known from."""
+    """Words of matter, the row that they mean, and where that is known from.
+
+    In place of a row there may be a ``band``: ln of the least and the most E, then of rho.
+    """
 
     text: str
     row: str
     source: str
+    band: tuple[float, ...] = ()
 
 
 def phrases_of(table: MaterialTable, seed: int = 0) -> list[Phrase]:
@@ -72,6 +88,11 @@ def phrases_of(table: MaterialTable, seed: int = 0) -> list[Phrase]:
     for line in (DATA / "phrases.tsv").read_text(encoding="utf-8").splitlines():
         text, name, source = line.split("\t")
         found.append(Phrase(text, name, source))
+    for line in (DATA / "bands.txt").read_text(encoding="utf-8").splitlines():
+        numbers, _, text = line.partition("|")
+        e_least, e_most, light, heavy = map(float, numbers.split())
+        band = (e_least * 1e9, e_most * 1e9, light, heavy)
+        found.append(Phrase(text.strip(), NO_ROW, "band", tuple(map(math.log, band))))
     for text, _, _, spans, _ in load_templates():
         pieces, at = [], 0
         for span in sorted(spans):
@@ -155,14 +176,43 @@ class PhraseLearner(nn.Module):
         super().__init__()
         self.vectors = nn.EmbeddingBag(BUCKETS, WIDTH, mode="mean")
         nn.init.normal_(self.vectors.weight, std=0.5)
-        self.hidden, self.out = nn.Linear(WIDTH, 2 * WIDTH), nn.Linear(2 * WIDTH, rows)
+        self.hidden, self.out = nn.Linear(WIDTH + SIZE, HIDDEN), nn.Linear(HIDDEN, rows)
 
-    def forward(self, phrases: Sequence[str]) -> Tensor:
-        """Logits of the rows for each phrase, (n, rows)."""
-        places = [features(phrase) for phrase in phrases]
+    def forward(self, places: Sequence[Sequence[int]], senses: np.ndarray) -> Tensor:
+        """Logits of the rows (n, rows) of phrases, by their features and embeddings (n, 384)."""
         starts = np.cumsum([0, *(len(own) for own in places[:-1])])
         flat = torch.from_numpy(np.concatenate(places))
-        return self.out(torch.relu(self.hidden(self.vectors(flat, torch.from_numpy(starts)))))
+        letters = self.vectors(flat, torch.from_numpy(starts))
+        x = torch.cat([letters, SENSE * torch.from_numpy(senses)], dim=1)
+        return self.out(torch.relu(self.hidden(functional.dropout(x, LEFT_OUT, self.training))))
+
+
+def loss_of(logits: Tensor, batch: Sequence[Phrase], named: Tensor, in_band: Tensor) -> Tensor:
+    """Mean cross entropy with what is wanted of a named row; of a band the chance of its rows.
+
+    ``named`` (n, rows) and ``in_band`` (n, rows) are what is wanted of each, whichever it is.
+    """
+    chances = functional.log_softmax(logits, dim=-1)
+    of_row = -(named * chances).sum(dim=-1)
+    of_band = -torch.logsumexp(chances + torch.log(in_band + 1e-9), dim=-1)
+    banded = torch.tensor([bool(phrase.band) for phrase in batch])
+    return torch.where(banded, of_band, of_row).mean()
+
+
+def in_bands(phrases: Sequence[Phrase], values: np.ndarray, near: np.ndarray) -> Tensor:
+    """How nearly rows lie in the bands of phrases, (n, rows + 1); 0 for none and without a band.
+
+    Of these the ones whose names are ``near`` (n, rows) in sense count most: "soaked sponge" may
+    weigh and bend like a banana.
+    """
+    out = np.zeros((len(phrases), len(values) + 1), np.float32)
+    for i, phrase in enumerate(phrases):
+        if phrase.band:
+            least, most = np.reshape(phrase.band, (2, 2)).T
+            beside = np.maximum(least - values, 0) + np.maximum(values - most, 0)
+            fits = np.exp(-((beside / BESIDE) ** 2).sum(axis=-1))
+            out[i, :-1] = fits * np.exp((near[i] - near[i][fits > HARDLY].max(initial=-1)) / SHADE)
+    return torch.from_numpy(out)
 
 
 def targets(table: MaterialTable) -> Tensor:
@@ -190,13 +240,17 @@ class Learned:
     history: list[dict[str, float]]
 
 
-def train_phrases(*, steps: int = STEPS, seed: int = 0, output: Path | None = None) -> Learned:
-    """Train on a processor, and write the weights: a byte a number of the vectors.
+def train_phrases(
+    *, steps: int = STEPS, batch: int = BATCH, seed: int = 0, output: Path | None = None
+) -> Learned:
+    """Train on a processor, and write the weights: a byte a number of the matrices.
 
     Parameters
     ----------
     steps
-        Batches of 256 phrases; a minute or two.
+        Batches; all take most of an hour of two processors, some ten minutes for embeddings.
+    batch
+        Phrases in one.
     seed
         Of the batches, and of the made designations.
     output
@@ -210,12 +264,24 @@ def train_phrases(*, steps: int = STEPS, seed: int = 0, output: Path | None = No
     torch.manual_seed(seed)
     network, dice = PhraseLearner(len(rows)), random.Random(seed)
     draw, history = np.random.default_rng(seed), []
+    drawn = draw.choice(len(phrases), (steps, batch), p=share / share.sum())
+    version = draw.integers(VERSIONS, size=drawn.shape)
+    texts = {
+        (i, k): worn(phrases[i].text, dice) if k else phrases[i].text
+        for i, k in sorted({*zip(drawn.ravel().tolist(), version.ravel().tolist(), strict=True)})
+    }
+    place = {key: n for n, key in enumerate(texts)}
+    senses, values = minilm("cpu").text([*texts.values()]), values_of(table)
+    places = [features(text) for text in texts.values()]
+    called = minilm("cpu").text(rows[:-1])
     adam = torch.optim.Adam(network.parameters(), lr=RATE)
     for step in range(steps):
-        drawn = draw.choice(len(phrases), BATCH, p=share / share.sum())
-        batch = [phrases[i] for i in drawn]
-        logits = network([worn(phrase.text, dice) for phrase in batch])
-        loss = functional.cross_entropy(logits, wanted[[number[p.row] for p in batch]])
+        some = [phrases[i] for i in drawn[step]]
+        keys = zip(drawn[step].tolist(), version[step].tolist(), strict=True)
+        own = [place[key] for key in keys]
+        logits = network([places[i] for i in own], senses[own])
+        named = wanted[[number[phrase.row] for phrase in some]]
+        loss = loss_of(logits, some, named, in_bands(some, values, senses[own] @ called.T))
         adam.param_groups[0]["lr"] = RATE * (1 - step / steps)
         adam.zero_grad()
         loss.backward()
@@ -223,7 +289,7 @@ def train_phrases(*, steps: int = STEPS, seed: int = 0, output: Path | None = No
         if step % 100 == 99:
             history.append({"step": step + 1, "loss": loss.item()})
     if output is not None:
-        save_phrases(network, rows, np.vstack([values_of(table), [[np.inf, np.inf]]]), output)
+        save_phrases(network, rows, np.vstack([values, [[np.inf, np.inf]]]), output)
     return Learned(network, rows, history)
 
 

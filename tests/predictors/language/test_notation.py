@@ -299,6 +299,14 @@ def test_what_is_no_list_by_position_stays(text):
         "| item | E [GPa] | nu | rho [kg/m3] |\n|---|---|---|---|\n"
         "| base plate | 210 | 0.3 | 7850 |\n| rib | 210 | 0.3 | 7850 |\n"
         "| top cover | 70 | 0.33 | 2700 |",
+        "$ N, mm, t\nMAT1,1,210000.,,0.3,7.85-9\nMAT1,2,7.+4,,0.33,2.7-9\nPSOLID,10,1 $ BasePlate\n"
+        "PSOLID,11,1 $ rib_L\nPSHELL,12,1,2.5 $ rib_R\nPSOLID,20,2 $ TopCover\n",
+        "*MAT_ELASTIC  $# base plate and ribs\n$ mid, ro, e, pr\n1, 7.85e-6, 210.0, 0.3\n"
+        "*MAT_ELASTIC  $# top cover\n2, 2.7e-6, 70.0, 0.33\n",
+        "part >> E [GPa] >> nu >> rho [t/m3]\nbase plate >> 210 >> .3 >> 7.85\n"
+        "rib >> 210 >> .3 >> 7.85\ntop cover >> 70 >> .33 >> 2.7",
+        "nominal ± scatter (GPa ; nu ; g/cc): base plate, ribs 210 ± 5 ; .3 ; 7.85 ± .05. "
+        "Top cover 70 ± 2 ; 0.33 ; 2.7.",
         "comp    E/MPa   nu    rho/(kg/dm3)\nbase plate   210000  0.30  7.85\n"
         "ribs   210000  0.30  7.85\ntop cover   70000  0.33  2.70\nfeet    NBR, see supplier",
     ],
