@@ -622,7 +622,9 @@ def in_sentences(text: str, names: Sequence[str] = (), lexicon: ReaderLexicon | 
     ``names``. Lists by position want a ``lexicon``, which knows what is a matter.
     """
     known = {name.lower() for name in names}
-    text = _DOTTED.sub(" | ", _SCATTER.sub("", text))
+    text = _SCATTER.sub("", text)
+    if sum(bool(_DOTTED.search(line)) for line in text.splitlines()) > 1:
+        text = _DOTTED.sub(" | ", text)
     text = _unabridged(_BRACKETED.sub(r" \1", _OBJECT.sub(_of_object, text)), names)
     text = _by_position(text, names, lexicon) if lexicon else text
     text = _under_units(_decks(_grouped(_with_positions(text, names)), names))
@@ -667,8 +669,11 @@ def in_sentences(text: str, names: Sequence[str] = (), lexicon: ReaderLexicon | 
     return _referred(*_definitions("\n".join(out), names))
 
 
-_SCATTER = re.compile(r"(?<=\d) ?(?:±|\+/-) ?\d+(?:[.,]\d+)?")  # "69 ± 2 GPa"
-_DOTTED = re.compile(r"(?m)(?<=\S) (?:\.{3,}|>>) (?=\S)")  # "bolt .... 29e6 .... 0.283"
+_SCATTER = re.compile(  # "69 ± 2 GPa"
+    r"(?<=\d) ?(?:±|\+/-) ?(?:\d{1,3}(?: \d{3})+|\d+(?:[.,]\d+)?(?:[eE][-+]?\d+)?)(?:\s?%)?"
+    r"(?![\d.,]*\d)"
+)
+_DOTTED = re.compile(r"(?<=\S) (?:\.{3,}|>>) (?=\S)")  # "bolt .... 29e6 .... 0.283"
 # As programs write them: "160[GPa]", {"brace": {"E_GPa": 62, "rho": 1540}}
 _BRACKETED = re.compile(rf"(?<=\d) ?\[({_PRESSURE}|{_DENSITY})\]")
 _OBJECT = re.compile(r"\{?\s*\"([^\"{}]+)\"\s*:\s*\{([^{}]*\d[^{}]*)\}[,\s}]*")
@@ -901,6 +906,9 @@ def _under_units(text: str) -> str:
     ]  # fmt: skip
     end = len(text)
     for own in reversed(heads):
+        if not _ANNOUNCED.match(text, own[0].start()):  # of its sentence alone
+            stop = re.compile(r"\n|\.\s").search(text, own[-1].end(), end)
+            end = stop.start() if stop else end
         values = re.sub(
             rf"(?<![\w.,-]){_AND.join([_VALUE] * len(own))}(?![\w%]|[.,-]\d| ?(?:[mc]m|%))",
             lambda m, own=own: ", ".join(
@@ -1089,9 +1097,12 @@ def _decks(text: str, names: Collection[str]) -> str:
     if not _BEGUN.search(text):
         return _in_units(text)
     text = _REMARK.sub(_before_its_card, text)
+    parts = {word for name in names for word in part_name_words(name)}
     called = dict[str, list[str]]()
     for m in _SECTION.finditer(text):
-        called.setdefault(m[2] or m[4] or m[5], []).append((m[1] or m[3] or m[6]).strip())
+        name = (m[1] or m[3] or m[6]).strip()
+        if not m[6] or not parts.isdisjoint(part_name_words(name)):
+            called.setdefault(m[2] or m[4] or m[5], []).append(name)
     lines = _SECTION.sub("", text).splitlines()
     cards = [*_cards(lines)]
     comments = [
@@ -1113,7 +1124,6 @@ def _decks(text: str, names: Collection[str]) -> str:
         and line.lower() not in low
     ]  # fmt: skip
     out, defined = list[str](), dict[str, str]()
-    parts = {word for name in names for word in part_name_words(name)}
     stated = _KIPS if _KIP.search(text) else None
     for key, numbers, number_of in cards:
         system = stated or _system_of(numbers.get("rho", 0))
@@ -1348,7 +1358,8 @@ def _cards(lines: Sequence[str]) -> Iterator[_Card]:
                 kind = ""
             yield _Card(given or re.sub(r"[_-]+", " ", name), numbers, name)
         elif found := _LS_DYNA.match(line):
-            title = line[found.end() :].strip(" $#") or title
+            after = line[found.end() :].strip()
+            title = title or (after.strip("$# ") if after.startswith("$") else "")
             while at < len(lines) and lines[at].startswith("$"):
                 title = title if _SILENT.search(lines[at]) else lines[at].strip("$ ")
                 at += 1

@@ -644,7 +644,7 @@ def with_second_opinion(
             parts[i] = BoundPart()
             taken.append((start, end))
     bound = replace(bound, sentence=replace(bound.sentence, notes=(*bound.sentence.notes, *notes)))
-    return _without_idle(bound, clauses, parts, taken, every)
+    return _without_idle(bound, clauses, parts, taken, every, table)
 
 
 class _Heard(NamedTuple):
@@ -900,10 +900,12 @@ def _without_idle(
     parts: Sequence[BoundPart],
     taken: Sequence[tuple[int, int]],
     every: Sequence[Said],
+    table: MaterialTable,
 ) -> Bound:
     """The sentence without what spoke of no part, or no longer does, and was read anew.
 
-    Unread words that the tagger surely has for no part, as those of a tolerance, are a note.
+    Unread words that the tagger surely has for no part, as those of a tolerance, are a note; so is
+    a matter by itself behind a part's that is like it ("steel, S235"), or not heard for any.
     """
     text = bound.sentence.text
     least = min(said.certainty for said in every)
@@ -919,23 +921,46 @@ def _without_idle(
     def is_anew(k: int) -> bool:
         return any(over(clauses[k].span, x) for x in taken)
 
+    def is_idle(k: int) -> bool:
+        """Whether a clause by itself changes no part's matter."""
+        place, row = place_of(clauses[k], text), clauses[k].material
+        owners = (
+            i for i, said in enumerate(every)
+            if any(over(place, w[1:]) for w in said.words if w.role in ("matter", "number"))
+        )  # fmt: skip
+        others = (clauses[j].material for i in owners for j in parts[i].clauses)
+        return all(row and other and _are_alike(table, row, other) for other in others)
+
+    def is_related(note: object) -> bool:
+        """Whether "the same as" is of a relation that was read anew."""
+        if not isinstance(note, Note) or note.kind != "reader.same_nothing":
+            return False
+        at = text.lower().find(note.values["who"])
+        return any(a <= at < b for a, b in taken)
+
     stale = {k for k in range(len(clauses)) if k not in used and is_anew(k)}
     place = {k: n for n, k in enumerate(k for k in range(len(clauses)) if k not in stale)}
     said = " ".join(text[start:end] for start, end in taken)
     beside = [word for word in bound.sentence.unread if is_aside(text.find(word), len(word))]
+    idle = [k for k in bound.unbound if k in place and clauses[k].subject.scope == "none"]
+    idle = [k for k in idle if is_idle(k)]
+    beside += [clauses[k].text for k in idle if clauses[k].text]
     told = Note("reader.aside", words=", ".join(map(repr, dict.fromkeys(beside))))
     sentence = replace(
         bound.sentence,
         clauses=tuple(clauses[k] for k in place),
-        notes=(*bound.sentence.notes, *[told] * bool(beside)),
+        notes=(
+            *(note for note in bound.sentence.notes if not is_related(note)),
+            *[told] * bool(beside),
+        ),
         unread=tuple(
             word for word in bound.sentence.unread if word not in said and word not in beside
         ),
     )
     renamed = (part._replace(clauses=tuple(place[k] for k in part.clauses)) for part in parts)
-    parts, unbound = tuple(renamed), (place[k] for k in bound.unbound if k in place)
+    left = (place[k] for k in bound.unbound if k in place and k not in idle)
     mute = (i for i in bound.mute if {*parts[i].how} <= {*GENERAL})
-    return Bound(sentence, parts, tuple(unbound), tuple(mute))
+    return Bound(sentence, tuple(renamed), tuple(left), tuple(mute))
 
 
 def _whole(said: Said, numbers: Sequence[Place]) -> Said:

@@ -211,7 +211,8 @@ def in_bands(phrases: Sequence[Phrase], values: np.ndarray, near: np.ndarray) ->
             least, most = np.reshape(phrase.band, (2, 2)).T
             beside = np.maximum(least - values, 0) + np.maximum(values - most, 0)
             fits = np.exp(-((beside / BESIDE) ** 2).sum(axis=-1))
-            out[i, :-1] = fits * np.exp((near[i] - near[i][fits > HARDLY].max(initial=-1)) / SHADE)
+            best = near[i][fits > HARDLY].max(initial=-1)
+            out[i, :-1] = fits * np.exp(np.minimum(near[i] - best, 0) / SHADE)
     return torch.from_numpy(out)
 
 
@@ -290,7 +291,7 @@ def train_phrases(
             history.append({"step": step + 1, "loss": loss.item()})
     if output is not None:
         save_phrases(network, rows, np.vstack([values, [[np.inf, np.inf]]]), output)
-    return Learned(network, rows, history)
+    return Learned(network.eval(), rows, history)
 
 
 def save_phrases(

@@ -585,3 +585,21 @@ def test_a_list_by_position_is_of_parts_that_nothing_else_names(clauses_of, text
 def test_a_code_before_a_word_names_the_part(agree):
     agree("A100 housing = oak; A110 cam = brass; A120 plug = glass => "
           "A100: oak; A110: brass; A120: glass")  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("text", "wanted"),
+    [
+        ("rod: E = 70 000 ± 5 000 MPa, 2700 kg/m3", {"E": 7e10, "rho": 2700}),
+        ("rod: 7850 ± 2e1 kg/m3, 210 ± 5 GPa", {"E": 2.1e11, "rho": 7850}),
+        ("rod: E = 210 ± 5% GPa, rho 7850 ± 1 % kg/m3", {"E": 2.1e11, "rho": 7850}),
+        ("$ rod\n*MAT_ELASTIC (MAT_001)\n1,7.85e-9,210000,0.3\n", {"E": 2.1e11, "rho": 7850}),
+        ("PSOLID,1,10 $ solid elements\nMAT1,10,210000.,,.3,7.85-9 $ rod", {"E": 2.1e11}),
+        ("in kg/m3, GPa: rod 7850, 210. Tray is oak, 12, 4 pieces.", {"E": 2.1e11, "rho": 7850}),
+    ],
+)
+def test_what_scatters_or_is_a_remark_changes_no_number(text, wanted):
+    found = values(text, ["rod", "tray"])
+    for measure, value in wanted.items():
+        assert found["rod"][measure] == pytest.approx(value, rel=1e-9)
+    assert not found["tray"]

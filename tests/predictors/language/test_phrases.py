@@ -71,7 +71,7 @@ def test_numpy_reads_what_torch_trains(tmp_path):
     network = PhraseNetwork(tmp_path / "phrases.safetensors")
     places, senses = [features(phrase) for phrase in NEW], MiniLM().text([*NEW])
     with torch.no_grad():
-        shares = learned.network.eval()(places, senses).softmax(-1).numpy()
+        shares = learned.network(places, senses).softmax(-1).numpy()
     for phrase, own in zip(NEW, shares, strict=True):
         meant = network.meant(phrase)
         assert meant.row == learned.rows[own.argmax()]
