@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import tempfile
 from collections.abc import Mapping, Sequence
 from multiprocessing import Pool
 from pathlib import Path
@@ -128,11 +127,7 @@ def judged(
     parts: Sequence[Mapping[str, Any]], weights: Mapping[str, Any]
 ) -> list[tuple[float, bool]]:
     """Chance of the reading that is taken of each part, and whether it is right."""
-    with tempfile.NamedTemporaryFile("w", suffix=".json") as file:
-        json.dump({"doubted": 0, "plain": 1} | dict(weights), file)
-        file.flush()
-        taken = judge.Judge(Path(file.name))
-    out = []
+    taken, out = judge.Judge({"doubted": 0.0, "plain": 1.0} | dict(weights)), []
     for part in parts:
         chances = {r: taken.chance(r, part["facts"]) for r in part["right"]}
         best = max(chances, key=chances.__getitem__)

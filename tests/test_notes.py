@@ -76,7 +76,7 @@ def test_a_severity_is_of_a_kind_that_there_is():
 
 def test_a_note_of_a_part_matters_as_what_it_says():
     spelt = Note("lexing.spelt", word="stell", near="steel")
-    lost = Note("resolve.mute_text")
+    lost = Note("resolve.left_out", word="foam")
     of = {"parts": "part 'a'", "names": ("a",)}
     assert severity_of(Note("resolve.of_part", said=spelt, **of)) == "note"
     assert severity_of(Note("resolve.of_part", said=lost, **of)) == "doubt"

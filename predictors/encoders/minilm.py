@@ -12,6 +12,7 @@ import importlib.util
 import json
 from collections.abc import Sequence
 from contextlib import AbstractContextManager
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -135,11 +136,8 @@ class Arrays:
         self._threads = ThreadpoolController()
 
     def load(self, path: Path) -> dict[str, Any]:
-        """Read the weights of a safetensors file, single precision."""
-        from safetensors.numpy import load_file
-
-        loaded = load_file(path).items()
-        return {key: w.astype(np.float32, copy=False) for key, w in loaded if w.dtype.kind == "f"}
+        """Read the weights of a safetensors file, single precision: once for all who take them."""
+        return dict(_read(path))
 
     def given(self, tokens: np.ndarray) -> Any:
         """Bring an array to where it is computed."""
@@ -152,6 +150,14 @@ class Arrays:
     def sparing(self) -> AbstractContextManager:
         """One thread: matrices this small are slower, on a busy machine tenfold, with more."""
         return self._threads.limit(limits=1, user_api="blas")
+
+
+@lru_cache(maxsize=1)
+def _read(path: Path) -> dict[str, np.ndarray]:
+    from safetensors.numpy import load_file
+
+    loaded = load_file(path).items()
+    return {key: w.astype(np.float32, copy=False) for key, w in loaded if w.dtype.kind == "f"}
 
 
 # atanh(erf(z / sqrt 2)) / z as a polynomial of z^2 for |z| < 5.4, beyond which erf is 1 in single

@@ -17,7 +17,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -512,10 +512,9 @@ class Reading(NamedTuple):
 
 
 class Judge:
-    """Chances that readings are right, by the weights in a file: one hidden layer of ReLU."""
+    """Chances that readings are right, by one hidden layer of ReLU: ``data`` is as in ``JUDGE``."""
 
-    def __init__(self, path: Path = JUDGE) -> None:
-        data = json.loads(path.read_text(encoding="utf-8"))
+    def __init__(self, data: Mapping[str, Any]) -> None:
         self.facts: list[str] = data["facts"]
         self._hidden, self._out = np.array(data["hidden"]), np.array(data["out"])  # shifts last
         self.doubted: float = data["doubted"]  # a chance below which a reading is a doubt
@@ -530,7 +529,7 @@ class Judge:
 @lru_cache(maxsize=1)
 def load_judge() -> Judge:
     """The shipped judge, read once."""
-    return Judge()
+    return Judge(json.loads(JUDGE.read_text(encoding="utf-8")))
 
 
 def with_second_opinion(

@@ -272,9 +272,9 @@ def train_phrases(
         for i, k in sorted({*zip(drawn.ravel().tolist(), version.ravel().tolist(), strict=True)})
     }
     place = {key: n for n, key in enumerate(texts)}
-    senses, values = minilm("cpu").text([*texts.values()]), values_of(table)
+    encoder, values = minilm("cpu"), values_of(table)
+    senses, called = encoder.text([*texts.values()]), encoder.text(rows[:-1])
     places = [features(text) for text in texts.values()]
-    called = minilm("cpu").text(rows[:-1])
     adam = torch.optim.Adam(network.parameters(), lr=RATE)
     for step in range(steps):
         some = [phrases[i] for i in drawn[step]]

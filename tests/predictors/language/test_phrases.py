@@ -18,6 +18,7 @@ NEW = {
     "rolled S420ML plate": STEEL,
     "UNS S32654": STEEL,
     "Stahlblech verzinkt 2 mm": STEEL,
+    "tablette en chêne massif ciré": (0.9e10, 1.5e10, 600, 800),
     "crushed walnut shells": (2e9, 1e10, 900, 1350),
     "Buchensperrholzplatte": (0.5e10, 1.5e10, 600, 850),
     "Ti-6Al-4V ELI gr 23": (1.03e11, 1.22e11, 4380, 4480),
