@@ -1,9 +1,10 @@
-"""How long a sentence takes to read: the first of a process, the next ones, and ``--help``.
+"""How long a sentence takes to read: a whole cold ``assign`` of words alone, the next sentences.
 
     python benchmarks/reading.py --json
 
-CPU seconds of whole fresh processes less those of one that only imports the material table; of the
-next sentences the median over the building half, in the process that read the first.
+CPU seconds of whole fresh processes: ``assign`` of a chair's three boxes, and ``--help``, which
+reads nothing. Of the next sentences the median over a set, read and judged as by ``assign``, in a
+process that has read one before.
 """
 
 from __future__ import annotations
@@ -13,32 +14,45 @@ import json
 import os
 import subprocess
 import sys
+import time
+import tomllib
+from pathlib import Path
 from statistics import median
+from tempfile import TemporaryDirectory
 
-FIRST = "A bonsai with a stiff trunk, flexible leaves, a ceramic pot and loose soil"
-TABLE = "from autophyx_tet.fem.table import load_table; table = load_table()"
-READ = f"""{TABLE}
-from autophyx_tet.predictors.text.reader import parse
-parse({FIRST!r}, table, ("trunk", "leaves", "pot", "soil"))"""
-NEXT = f"""{READ}
-import json, sys, time, tomllib
-corpus = tomllib.load(open({{path!r}}, "rb"))["sentence"]
-spent = []
-for sentence in corpus:
-    began = time.process_time()
-    parse(sentence["text"], table, tuple(sentence["parts"]))
-    spent.append(1e3 * (time.process_time() - began))
-json.dump(spent, sys.stdout)"""
+from autophyx_tet.converters.mesh.meshdata import write_mesh
+from autophyx_tet.fem.device import one_thread
+from autophyx_tet.fem.table import load_table
+from autophyx_tet.predictors.text.reader import read_sentence
+from autophyx_tet.predictors.text.tagger import with_second_opinion
+from sentences import parts_mesh
+
+FIRST = "the legs are oak, the seat is soft foam and the back is cane"
+PARTS = ("leg", "seat", "back")
+SET = Path(__file__).parent / "data" / "sentences_twelfth_engineers.toml"
 
 
-def spent(command: list[str]) -> float:
-    """CPU seconds of a command and its children."""
+def spent(*command: str | Path) -> float:
+    """CPU seconds of an ``autophyx-tet`` command and its children."""
     before = os.times()
-    subprocess.run(command, check=True, capture_output=True)
+    done = [sys.executable, "-m", "autophyx_tet", *map(str, command)]
+    subprocess.run(done, check=True, capture_output=True)
     after = os.times()
     return (
         after.children_user - before.children_user + after.children_system - before.children_system
     )
+
+
+def next_ms() -> float:
+    """CPU milliseconds that a sentence of a set takes to be read and judged."""
+    table, found = load_table(), []
+    with one_thread():
+        for sentence in tomllib.loads(SET.read_text(encoding="utf-8"))["sentence"]:
+            labels = [[part] for part in sentence["parts"]]
+            began = time.process_time()
+            with_second_opinion(read_sentence(sentence["text"], labels, table), labels, table)
+            found.append(1e3 * (time.process_time() - began))
+    return median(found[1:])
 
 
 def main() -> None:
@@ -47,17 +61,15 @@ def main() -> None:
     parser.add_argument("--repeats", type=int, default=5)
     parser.add_argument("--json", action="store_true")
     options = parser.parse_args()
-    python, runs = [sys.executable, "-c"], range(options.repeats)
-    cold = [spent([*python, READ]) - spent([*python, TABLE]) for _ in runs]
-    helped = [spent([sys.executable, "-m", "autophyx_tet", "--help"]) for _ in runs]
-    path = os.path.join(os.path.dirname(__file__), "data", "sentences_building.toml")
-    done = subprocess.run(
-        [*python, NEXT.format(path=path)], check=True, capture_output=True, text=True
-    )
+    with TemporaryDirectory() as folder:
+        mesh = Path(folder) / "chair.msh"
+        write_mesh(mesh, parts_mesh(PARTS))
+        cold = ["assign", mesh, "--text", FIRST, "-o", Path(folder) / "out.msh"]
+        first = median(spent(*cold) for _ in range(options.repeats))
     found = {
-        "first_s": round(median(cold), 3),
-        "next_ms": round(median(json.loads(done.stdout)), 2),
-        "help_s": round(median(helped), 3),
+        "first_s": round(first, 3),
+        "next_ms": round(next_ms(), 2),
+        "help_s": round(median(spent("--help") for _ in range(options.repeats)), 3),
     }
     if options.json:
         print(json.dumps(found))

@@ -157,7 +157,7 @@ def outside_band(category: str, E: float, nu: float, rho: float) -> list[str]:
 
 def key(name: str) -> str:
     """Return a name as it is compared: lower case, one space, hyphens as spaces."""
-    return re.sub(r"[\s\-_]+", " ", name).strip().lower()
+    return " ".join(name.replace("-", " ").replace("_", " ").lower().split())
 
 
 class MaterialTable:

@@ -15,6 +15,7 @@ import numpy as np
 
 from ..converters import npz
 from ..converters.files import alone
+from ..fem.device import single_threaded
 from ..fem.errors import InputError
 from ..fem.mesh import TetMesh
 from ..fem.note import Note, severity_of
@@ -270,6 +271,7 @@ def assign(
     return _written(result, output, field_output)
 
 
+@single_threaded
 def _read(
     text: str, mesh: TetMesh, sidecar: Sidecar, options: AssignOptions
 ) -> tuple[Bound, MaterialTable]:

@@ -78,6 +78,8 @@ def words() -> Mapping[str, Any]:
 
 def bare(word: str) -> str:
     """A word in small letters without accents: "Füße" -> fusse."""
+    if word.isascii():
+        return word.lower()
     plain = unicodedata.normalize("NFD", word.casefold())
     return "".join(c for c in plain if not unicodedata.combining(c))
 
@@ -150,7 +152,7 @@ class LanguageModel:
                 return called
         if word in self._exceptions["noun"]:
             return self._exceptions["noun"][word][0]
-        if not word.endswith("s") or word.endswith(("ss", "us", "is")) or len(word) < 4:
+        if word[-1:] != "s" or len(word) < 4 or word.endswith(("ss", "us", "is")):
             return word
         known = [base for base in self._bases(word, "noun") if base in self._index["noun"]]
         return known[0] if known else word if word in self._index["noun"] else word[:-1]

@@ -147,7 +147,9 @@ def _entries(text: str) -> Iterator[tuple[Phrase, str]]:
     for entry in re.split(r"[;\n]", text):
         words, equals, english = entry.partition("=")
         for word in words.split(",") if equals else ():
-            if phrase := tuple(re.findall(r"\w+", bare(word))):  # "-" is none
+            plain = bare(word.strip())
+            phrase = (plain,) if plain.isalpha() else tuple(re.findall(r"\w+", plain))
+            if phrase:  # "-" is none
                 yield phrase, english.strip()
 
 

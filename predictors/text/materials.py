@@ -65,6 +65,14 @@ def atoms(text: str, model: LanguageModel, known: Collection[str] = ()) -> list[
     ]
 
 
+def _cut(name: str) -> list[str]:
+    """Words and numbers of a name in small letters, without signs."""
+    if name.isascii() and name.replace(" ", "").isalpha():  # as most are: thousands at a start
+        return name.lower().split()
+    words = ATOM.findall(name.replace("’", "'"))
+    return [word.lower() for word in words if word[0].isalnum()]
+
+
 class ReaderLexicon:
     """Phrases of a table and of the language, by their first word."""
 
@@ -78,15 +86,16 @@ class ReaderLexicon:
         self._designated: tuple[str, list[Designated]] = "", []
         called = [(row, name) for row in table for name in (row.name, *row.aliases)]
         # A name may carry what tells it from its kin: "oak, willow (along grain)".
-        called += [(row, re.sub(r"\s*\(.*?\)", "", row.name)) for row in table]
+        called += [(row, re.sub(r"\s*\(.*?\)", "", row.name)) for row in table if "(" in row.name]
         for row, name in called:
-            phrase = self.phrase(name)
+            said = _cut(name)
+            phrase = tuple(map(model.singular, said))
             if not phrase or "(contents)" in name:
                 continue
             self.rows.setdefault(phrase, row)
             if "," in name:
                 self.listed.add(phrase)
-            if any(atom.is_plural for atom in atoms(name, model)):
+            if any(word == stem + "s" for word, stem in zip(said, phrase, strict=True)):
                 self.plural.add(phrase)
             if len(phrase) == 1 and len(phrase[0]) <= SHORT:
                 parts = re.split(r"[\s,]+", row.name)
@@ -97,11 +106,12 @@ class ReaderLexicon:
 
         for means, names in designations()["trade"].items():
             if row := self.rows.get(self.phrase(means)):
-                self.rows = {**{self.phrase(name): row for name in names}, **self.rows}
+                for name in names:
+                    self.rows.setdefault(self.phrase(name), row)
 
     def phrase(self, name: str) -> Phrase:
         """Stems of a name without signs: "Ti-6Al-4V" -> ti 6 al 4 v."""
-        return tuple(atom.stem for atom in atoms(name, self.model) if atom.text[0].isalnum())
+        return tuple(map(self.model.singular, _cut(name)))
 
     def needs_capitals(self, phrase: Phrase) -> bool:
         """Whether a phrase is an acronym that small letters may mean otherwise: "PET", "pet"."""

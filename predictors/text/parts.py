@@ -6,7 +6,7 @@ import re
 import tomllib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache, lru_cache
 from typing import Any, NamedTuple
 
 from ...fem.table import MaterialTable
@@ -177,6 +177,7 @@ TOKEN = re.compile(r"[^\W_]+|[.;,&+=:\n]")
 _IRREGULAR = {"leaves": "leaf", "feet": "foot", "shelves": "shelf", "knives": "knife"}
 
 
+@cache
 def stem(word: str) -> str:
     """Return the singular, lower-case form of an English word."""
     word = word.lower()

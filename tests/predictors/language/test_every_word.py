@@ -39,6 +39,7 @@ def _lost(text, names, table):
     spans = [clause.span for clause in sentence.clauses]
     spans += [m.span() for pattern in IGNORED for m in pattern.finditer(read)]
     known = {word for name in names for word in part_name_words(name)}
+    known |= {re.sub("([aou])e", r"\1", word) for word in known}  # "Rückwand" of "Rueckwand"
     # In another language its English words are judged; of a phrase, those at its first word
     foreign = glossed(atoms(read, lexicon.model, known), lexicon, known)
     english = {a.start: a.text.lower() for a in foreign.atoms} if foreign else {}
