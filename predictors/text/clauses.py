@@ -310,14 +310,17 @@ def corrected(text: str, read: Callable[[str], Bound]) -> Bound:
     found = next((m for m in CORRECTION.finditer(text) if text[: m.start()].strip()), None)
     if found is None:
         return read(text)
-    first, second = read(text[: found.start()]), read(text[found.end() :])
+    first, second = read(text[: found.start()]), corrected(text[found.end() :], read)
     start = len(first.sentence.text) + 1
     later = [
         replace(c, span=(c.span[0] + start, c.span[1] + start)) for c in second.sentence.clauses
     ]
     parts = list[BoundPart]()
     for old, new in zip(first.parts, second.parts, strict=True):
-        own = [later[k] for k, how in zip(new.clauses, new.how, strict=True) if how not in GENERAL]
+        own = [
+            later[k] for k, how in zip(new.clauses, new.how, strict=True)
+            if how not in GENERAL or later[k].subject.scope == "whole"  # "all parts are steel"
+        ]  # fmt: skip
         unsure = any(
             getattr(d, "kind", "").startswith("tagger.") for clause in own for d in clause.doubts
         )
@@ -329,14 +332,19 @@ def corrected(text: str, read: Callable[[str], Bound]) -> Bound:
     if parts == [*first.parts]:
         return read(text)
     one, two = first.sentence, second.sentence
+    # Without what no longer speaks of any part: it is corrected
+    count, clauses = len(one.clauses), (*one.clauses, *later)
+    unbound = (*first.unbound, *(k + count for k in second.unbound))
+    kept = {k: n for n, k in enumerate(sorted({*unbound, *(k for p in parts for k in p.clauses)}))}
+    parts = [part._replace(clauses=tuple(kept[k] for k in part.clauses)) for part in parts]
     sentence = replace(
-        one, text=f"{one.text} {two.text}", clauses=(*one.clauses, *later), gloss=None,
+        one, text=f"{one.text} {two.text}", clauses=tuple(clauses[k] for k in kept), gloss=None,
         notes=tuple(dict.fromkeys((*one.notes, *two.notes))), unread=(*one.unread, *two.unread),
         mute=(*one.mute, *two.mute),
         matters=(*one.matters, *((a + start, b + start) for a, b in two.matters)),
         numbers=(*one.numbers, *((a + start, b + start) for a, b in two.numbers)),
     )  # fmt: skip
-    return Bound(sentence, tuple(parts), first.unbound, first.mute)
+    return Bound(sentence, tuple(parts), tuple(kept[k] for k in unbound), first.mute)
 
 
 _BESIDE = re.compile(r"(?i)\b(?:as|of|than)\s+(?:the\s+)?([^\W_]+)\W*$")

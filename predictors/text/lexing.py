@@ -350,9 +350,10 @@ def one_of(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
     out: list[Lexeme] = []
     for lexeme in lexemes:
         either = [x.text.lower() for x in out[-1:]] in (["or"], ["and/or"])
-        before = [x for x in out[:-1] if x.role != "open" and not x.part]  # "ash legs (or oak)"
-        first = before[-1] if either and before else None
-        if first and first.role == lexeme.role == "material" and first.value is not lexeme.value:
+        before = [x for x in out[:-1] if x.role not in ("open", "comma") and not x.part]
+        first = before[-1] if either and before else None  # "ash legs (or oak)", "oak, or 9 GPa"
+        other = lexeme.role == "material" or getattr(lexeme.value, "measure", "") in ("E", "rho")
+        if first and first.role == "material" and other and first.value is not lexeme.value:
             note = Note("lexing.one_of", first=first.text, second=lexeme.text)
             out[out.index(first)] = replace(first, note=note)
             out.pop()

@@ -91,11 +91,14 @@ def _counted(said: list[str]) -> int | None:
 
 
 _RAISED = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻−", "0123456789--")
-_DIGITS = r"(?:\d{1,3}(?:[   ]\d{3})+(?![\d.])|\.?\d(?:[\d.,']*\d)?)"
+_DIGITS = r"(?:\d{1,3}(?:[   ]\d{3})+(?![\d.])|\.?\d(?:[.,']?\d)*)"
 _POWER = r"10(?:\s?\^\s?[-+−]?\d+|[⁻⁰¹²³⁴-⁹]+)"
-_NUMBER = rf"(?<![\d.])(?:{_POWER}|{_DIGITS}(?:\s?[x×*·]\s?(?:{_POWER}|10\s?-?\d+)|[eE][-+−]?\d+)?)"
+_NUMBER = (
+    rf"(?<!\d)(?<!(?<!\.)\.)(?:{_POWER}"
+    rf"|{_DIGITS}(?:\s?[x×*·]\s?(?:{_POWER}|10\s?-?\d+)|[eE][-+−]?\d+)?)"
+)
 _SPREAD = (
-    r"(?:\s?(?:-|–|to|\.\.+|bis|(?(between)and|(?!)))\s?(?P<high>{n})"
+    r"(?:\s?(?:-|–|to|\.\.+|…|bis|(?(between)and|(?!)))\s?(?P<high>{n})"
     r"|\s?(?:±|\+/-)\s?[\d.,]+\s?%?|\s?(?:and|or|/)\s(?P<also>{n})(?=\s?-?{unit}))?"
 )
 _BOUND = DATA["units"]["bound"]

@@ -979,9 +979,11 @@ def _words(said: Said, text: str) -> str:
     last, end = "", 0
     for role, start, stop in said.words:
         kind = "matter" if role == "number" else role
-        gap = text[end:start]
-        near = kind == last and {*gap} <= {*" ()[]/,+-–&'"}
-        own, words = runs.setdefault(kind, []), text[start:stop].rstrip(" .,;:")
+        gap, words = text[end:start], text[start:stop].rstrip(" .,;:")
+        near = kind == last and ({*gap} <= {*" ()[]/,+-–&'"} or gap.strip(" ,(") == "or")
+        if words == "or":  # alone it is no role
+            continue
+        own = runs.setdefault(kind, [])
         if near:
             own[-1] += text[end : start + len(words)]
         else:

@@ -51,7 +51,7 @@ def test_held_out_phrasings():
     assert len(right) >= 17
 
 
-@pytest.mark.parametrize("every", [60, pytest.param(30, marks=pytest.mark.long)])
+@pytest.mark.parametrize("every", [120, pytest.param(60, marks=pytest.mark.long)])
 def test_a_bare_material_word_gives_the_table_value(every):
     """To 1e-6, for names and aliases, alone or before any noun; short acronyms in capitals."""
     lexicon = lexicon_of(TABLE)

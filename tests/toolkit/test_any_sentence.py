@@ -94,10 +94,10 @@ def test_a_material_is_one_of_the_table_however_it_is_written(text, part):
 @pytest.mark.blockers
 @pytest.mark.usefixtures("any_answer")
 def test_no_sentence_of_any_set_is_refused(root):
-    """Every fiftieth of them: all take half an hour."""
+    """Every hundredth of them: all take an hour."""
     every = list(sentences(root))
     assert len(every) > 1000
-    found = [refused(text, *names) for text, names in every[::50]]
+    found = [refused(text, *names) for text, names in every[::100]]
     assert not [line for line in found if line]
 
 
@@ -105,8 +105,8 @@ def test_no_sentence_of_any_set_is_refused(root):
 @pytest.mark.blockers
 @pytest.mark.usefixtures("any_answer")
 def test_no_name_of_the_table_is_refused():
-    """Some 900 names and aliases, as "the X leg" and as "X seat", twenty a text."""
-    phrases = sorted({p for row in load_table() for p in (row.name, *row.aliases)})[::30]
+    """Some 450 names and aliases, as "the X leg" and as "X seat", twenty a text."""
+    phrases = sorted({p for row in load_table() for p in (row.name, *row.aliases)})[::60]
     found = []
     for at in range(0, len(phrases), 20):
         batch = phrases[at : at + 20]
@@ -124,7 +124,7 @@ def test_no_name_of_the_table_is_refused():
 def test_no_sentence_ends_the_command_with_exit_code_2(root, tmp_path):
     """A sample of the sets, by the command with its defaults and the asset beside the mesh."""
     codes = {}
-    for text, names in itertools.islice(sentences(root), 0, None, 400):
+    for text, names in itertools.islice(sentences(root), 0, None, 800):
         mesh, asset = thing(*names)
         write_mesh(tmp_path / "thing.msh", mesh)
         scene = trimesh.Scene({part.name: part.mesh for part in asset.parts})

@@ -165,7 +165,7 @@ def test_a_stopped_film_goes_on(ball, tmp_path, monkeypatch):
     """Stopped amid the drawing: the frames so far are a film; again, it is the whole film's."""
     # A budget that no grid keeps: the coarsest one, however busy the machine is
     options = SimulateOptions(scenario="drop", drop_height=0.02, **{**FEW, "budget": 0.01})
-    call = {"texts": ["soft rubber"], "simulate_options": options}
+    call = {"texts": ["jelly"], "simulate_options": options}
     from autophyx_tet.toolkit.options import ConvertOptions
 
     call["convert_options"] = ConvertOptions(size=0.1, up="z", edge_length=0.03, no_cache=True)
@@ -211,7 +211,7 @@ def test_a_film_survives_signals(ball, tmp_path):
     After each its frames so far are a film, and at last it is the film of a call that was left
     alone.
     """
-    call = [sys.executable, "-m", "autophyx_tet", "film", str(ball), "--text", "soft rubber"]
+    call = [sys.executable, "-m", "autophyx_tet", "film", str(ball), "--text", "jelly"]
     call += ["--scenario", "drop", "--drop-height", "0.02", "--size", "0.1", "--up", "z"]
     # A budget that no grid keeps: the coarsest one, however busy the machine is
     call += ["--edge-length", "0.03", "--seconds", "1", "--budget", "0.01", "--no-cache", "-o"]

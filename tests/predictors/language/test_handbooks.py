@@ -24,14 +24,20 @@ BANDS, MORE = (
 
 
 @pytest.mark.parametrize(
-    "family", [*BANDS, *(pytest.param(name, marks=pytest.mark.slow) for name in MORE)]
+    ("family", "step"),
+    [
+        *((name, 4) for name in BANDS),
+        *(pytest.param(name, 6, marks=pytest.mark.slow) for name in MORE),
+    ],
 )
-def test_a_name_gives_what_handbooks_give(family):
-    """Each by itself; all that lie outside of their band are told, with what they give."""
+def test_a_name_gives_what_handbooks_give(family, step):
+    """Each by itself, of the longer lists every sixth: ten thousand names take six minutes."""
+    every = [
+        (name, band) for names, band in (BANDS | MORE)[family].items() for name in names.split("; ")
+    ]
     wrong = [
         f"{name}: {found}; wanted {band}"
-        for names, band in (BANDS | MORE)[family].items()
-        for name in names.split("; ")
+        for name, band in every[::step]
         if (found := _outside(name, band))
     ]
     assert not wrong, "\n".join(wrong)

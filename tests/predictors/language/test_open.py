@@ -44,6 +44,16 @@ def test_a_part_may_be_left_open(said):
     assert note.values["part"] == "lid"
 
 
+@pytest.mark.parametrize("joint", [" or ", ", or ", " (or "])
+@pytest.mark.parametrize("other", ["brass", "45 GPa"])
+def test_of_alternatives_the_first_is_taken_and_the_other_told(joint, other):
+    """A number is one as a matter is: nothing of it is mixed into the first."""
+    bound = heard(f"tray oak{joint}{other}{')' * ('(' in joint)}; lid steel", "tray", "lid")
+    (clause,) = (bound.sentence.clauses[k] for k in bound.parts[0].clauses)
+    assert (clause.material, clause.numbers) == (TABLE.exact("oak").name, ())
+    assert [d.kind for d in clause.doubts] == ["lexing.one_of"]
+
+
 @pytest.mark.parametrize(
     "text",
     [
@@ -91,6 +101,18 @@ def test_a_corrected_number_leaves_the_matter():
     assert rows_of(bound)[0] == {TABLE.exact("oak").name}
     numbers = [q for k in bound.parts[0].clauses for q in bound.sentence.clauses[k].numbers]
     assert [(q.measure, q.value) for q in numbers] == [("rho", 700.0)]
+
+
+@pytest.mark.parametrize("said", ["all parts are steel", "everything is made of steel"])
+def test_a_correction_of_all_parts_leaves_nothing_of_before(said):
+    bound = heard(f"gear brass, shaft oak. Correction: {said}", "gear", "shaft")
+    assert rows_of(bound) == [{"carbon steel"}] * 2
+    assert {clause.material for clause in bound.sentence.clauses} == {"carbon steel"}
+
+
+def test_of_several_corrections_the_last_holds():
+    bound = heard("cap brass, pin oak. Edit: cap cork. Edit: the cap is copper", "cap", "pin")
+    assert rows_of(bound) == [{"copper"}, {TABLE.exact("oak").name}]
 
 
 def test_a_correction_of_no_part_changes_nothing():
