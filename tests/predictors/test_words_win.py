@@ -112,7 +112,7 @@ def test_what_is_told_of_an_unknown_word_is_what_the_mesh_holds(tmp_path):
     body = box_mesh((0.1, 0.1, 0.1), (2, 2, 2))
     names = {row.name for row in TABLE}
     read_as_unknown = 0
-    for number, text in enumerate(UNKNOWN[::2]):
+    for number, text in enumerate(UNKNOWN[::4]):
         path = tmp_path / f"{number}.msh"
         made = apx.assign(body, text, output=path, options=AssignOptions(cells=8))
         (choice,), (row,) = made.choices, made.part_rows()
@@ -133,7 +133,7 @@ def test_what_is_told_of_an_unknown_word_is_what_the_mesh_holds(tmp_path):
         record = json.loads(path.with_name(f"{number}.msh.json").read_text())["record"]
         (kept,) = record["assign"]["parts"]
         assert (kept["material"], kept["guessed"]) == (choice.material, choice.guessed), text
-    assert read_as_unknown >= 5  # or the loop above looked at no such line
+    assert read_as_unknown >= 3  # or the loop above looked at no such line
 
 
 @pytest.mark.long
