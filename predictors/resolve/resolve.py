@@ -370,16 +370,17 @@ def with_relations(
     relations = [  # "heavier stuff, tungsten" is not beside another part
         [r for r in said if r.exact or r.other or not named[i]] for i, said in enumerate(relations)
     ]
-    others = [
-        [
-            [k for k in (called(r.other) if r.other else range(len(out))) if k != i]
-            for r in comparisons
-        ]
-        for i, comparisons in enumerate(relations)
-    ]
+
+    def beside(i: int, relation: Comparison) -> list[int]:
+        """Parts that one is beside; itself in "web 6061-T6, 10 % stiffer": than its matter is."""
+        found = called(relation.other) if relation.other else range(len(out))
+        own = relation.exact and named[i] and (not relation.other or [*found] == [i])
+        return [i] if own else [k for k in found if k != i]
+
+    others = [[beside(i, r) for r in comparisons] for i, comparisons in enumerate(relations)]
     waiting = {i: None for i, said in enumerate(relations) if said}  # in order
     while waiting:
-        ready = [i for i in waiting if not any(k in waiting for ks in others[i] for k in ks)]
+        ready = [i for i in waiting if not any({*waiting} & {*ks} - {i} for ks in others[i])]
         if not ready:
             names = ", ".join(repr(out[i].part) for i in waiting)
             notes.append(Note("resolve.parts_compared", names=names))

@@ -94,7 +94,9 @@ def relation_of(
         factor = number(times[1])
     elif share:
         part = number(share[1]) / 100
-        factor = 1 + way * part if any(w in data["more"]["words"] for w in tokens) else part
+        # "10 % stiffer", "10 % less dense"; but "10 % of the lid's modulus"
+        more = begun[measure].endswith("er") or any(w in data["more"]["words"] for w in tokens)
+        factor = 1 + way * part if more else part
         way = 1
     elif told:
         factor = told

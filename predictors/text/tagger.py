@@ -623,7 +623,8 @@ def with_second_opinion(
         heard = any(w.role == "relation" for w in every[i].words)
         bonds = [
             (k, way) for k, way in zip(own, how, strict=True)
-            if heard or not clauses[k].comparisons or clauses[k].material
+            if heard or k >= len(bound.sentence.clauses)
+            or not clauses[k].comparisons or clauses[k].material
             or not any(over(clauses[k].span, x) for x in taken)
         ]  # fmt: skip
         parts[i] = BoundPart(tuple(k for k, _ in bonds), tuple(way for _, way in bonds))
@@ -738,7 +739,10 @@ def _compared(
     filled = {r.reader: {c.filling for c in r.clauses} for r in readings}
     one_matter = bool(rows.get("words")) and rows["words"] == rows["grammar"]
     beside = {r.reader: {x for c in r.clauses for x in c.comparisons} for r in readings}
-    if one_matter and all(of["words"] <= of["grammar"] for of in (stated, filled, beside)):
+    # "10 % stiffer" of "same as the base, but 10 % stiffer"
+    part_of = bool(beside.get("words")) and not rows["words"] and bool(rows["grammar"])
+    less = all(of.get("words", set()) <= of["grammar"] for of in (stated, filled, beside))
+    if (one_matter or part_of) and less:
         readings = [r for r in readings if r.reader != "words"]  # the same matter, and no more
 
     def alike(a: str, b: str) -> float:
@@ -1026,10 +1030,10 @@ def _beside(
         return None
     at = next(start for role, start, _ in every[i].words if role == "relation")
     context = re.split(r"[.;,\n](?=\s|$)", text[:at])[-1]
-    ends = [
-        (w.end, j) for j, said in enumerate(every) if j != i
+    ends = [  # the own matter is nearest in "web 6061-T6, but 10 % stiffer"
+        (w.end, j == i, j) for j, said in enumerate(every)
         for w in said.words if w.role in ("matter", "number") and w.end <= at
     ]  # fmt: skip
     only = 1 - i if len(labels) == 2 else None
-    before = max(ends)[1] if ends else only
+    before = max(ends)[2] if ends else only
     return relation_of(told, i, labels, before, lexicon_of(table), context)
