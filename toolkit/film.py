@@ -18,7 +18,7 @@ from ..converters.points.table import read_points
 from ..converters.registry import POINT_FORMATS
 from ..fem.errors import UsageError
 from ..fem.mesh import TetMesh, face_components
-from ..fem.note import Note
+from ..fem.note import Note, severity_of
 from ..fem.scene.up import up_vector
 from ..fem.solve.result import Breakage, ParticleRun
 from .asset.document import check_folder
@@ -40,7 +40,7 @@ FINE_TETS = 16_000
 
 @dataclass(frozen=True)
 class FilmResult:
-    """A film of splats; ``cases`` are the verdicts of each sentence, with what its motion cost.
+    """A film of splats; ``cases`` are the parts' materials, the verdicts and the cost of each text.
 
     ``foretold`` and ``spent`` are CPU seconds [s] of the whole, the former known once the body
     had its material; ``resumed`` says that frames or motions of an earlier call were taken.
@@ -55,7 +55,11 @@ class FilmResult:
     def document(self) -> dict[str, Any]:
         """Return what ``film --json`` prints."""
         files = [str(file) for file in self.film.files]
-        return {**asdict(self), "film": {**self.film._asdict(), "files": files}, "files": files}
+        warnings = dict.fromkeys(line for case in self.cases for line in case["warnings"])
+        return {
+            **asdict(self), "film": {**self.film._asdict(), "files": files}, "files": files,
+            "warnings": [*warnings],
+        }  # fmt: skip
 
 
 def film(
@@ -158,6 +162,9 @@ def film(
             checks.append(Check("attached", "failed", lost, cut_off, CRUMBS))
         verdicts = [found.document() for found in checks]
         case = {"text": text, **plan._asdict(), "options": plan.options.solver}
+        warnings = [*solid.warnings, *body.warnings, *answer.warnings]
+        warnings = [line for line in warnings if severity_of(line) != "detail"]
+        case |= {"parts": body.part_rows(), "mass": body.mesh.mass, "warnings": warnings}
         state["cases"].append({**case, "up": up, "verdicts": verdicts})
         known.write_text(json.dumps(state, default=str, indent=1) + "\n")
     takes = [kept_motion(output / f"motion_{i}.npz", table) for i in range(len(texts))]

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Collection, Iterator
+from collections.abc import Iterator
 from functools import lru_cache
 from itertools import pairwise
 from pathlib import Path
@@ -80,13 +80,15 @@ class PhraseNetwork:
         """The row that a phrase most likely means."""
         shares = self._shares(phrase)
         best = int(shares.argmax())
-        share = self.share(phrase, [self.rows[best]]) if self.rows[best] else float(shares[best])
-        return Meant(self.rows[best], share)
+        share = self.share(phrase, self._values[[best]]) if self.rows[best] else shares[best]
+        return Meant(self.rows[best], float(share))
 
-    def share(self, phrase: str, rows: Collection[str]) -> float:
-        """Share of the rows like one of these among all that a phrase may mean."""
-        own = self._values[[i for i, row in enumerate(self.rows) if row in rows]]
-        alike = (np.abs(self._values[:, None] - own) < ALIKE).all(axis=2).any(axis=1)
+    def share(self, phrase: str, values: Float[np.ndarray, "matters 2"]) -> float:
+        """Share of the rows like matters of such ln E and ln rho among all that a phrase may mean.
+
+        They need not be rows that it has learned.
+        """
+        alike = (np.abs(self._values[:, None] - values) < ALIKE).all(axis=2).any(axis=1)
         return float(self._shares(phrase)[alike].sum())
 
     def _shares_of(self, phrase: str) -> Float[np.ndarray, " rows"]:

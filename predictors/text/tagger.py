@@ -751,8 +751,11 @@ def _compared(
 
     def meant_by(reader: str) -> float:
         """How surely the phrase network takes the words for a matter like this reader's."""
-        said_here = phrase and rows.get(reader)
-        return _logit(load_phrases().share(phrase, rows[reader])) if said_here else 0.0
+        if not (phrase and rows.get(reader)):
+            return 0.0
+        spans = [(row.E, row.rho) for row in map(table.exact, sorted(rows[reader]))]
+        values = [[math.log(x.min * x.max) / 2 for x in pair] for pair in spans]
+        return _logit(load_phrases().share(phrase, np.array(values)))
 
     how, spans = bound.parts[i].how, [(s, e) for r, s, e in said.words if r in _DECIDING]
     held = [bound.sentence.clauses[k].span for k in bound.named.difference(bound.parts[i].clauses)]

@@ -260,8 +260,25 @@ def test_two_sentences_are_seen_side_by_side(ball, tmp_path, capsys):
         v for case in document["cases"] for v in case["verdicts"] if v["detail"] == "energy"
     ]
     assert [v["mark"] for v in energies] == ["good", "good"]
+    rows = [[part["material"] for part in case["parts"]] for case in document["cases"]]
+    assert rows == [["soft rubber"], ["red oak (along grain)"]]
     with Image.open(tmp_path / "two" / "film.webp") as seen:
         assert (seen.size, seen.n_frames) == ((1024, 512), 3)
+
+
+@pytest.mark.slow
+def test_a_film_tells_what_was_not_understood(ball, tmp_path, capsys):
+    """As `assign` does: the word, the axis and the unit of the file, and the row that is taken."""
+    call = ["film", str(ball), "-o", str(tmp_path / "film"), "--text", "blorptastic"]
+    call += ["--seconds", "0.1", "--no-cache"]
+    assert main([*call, "--edge-length", "0.3"]) == 2  # of ten metres
+    assert "too fine to drive a film" in capsys.readouterr().err
+    assert main([*call, "--edge-length", "2"]) == 0
+    shown = capsys.readouterr()
+    assert "'blorptastic'" in shown.err
+    assert "metres" in shown.err
+    row = json.loads((tmp_path / "film" / "film.json").read_text())["cases"][0]["parts"][0]
+    assert row["material"].split()[0] in shown.out
 
 
 @pytest.mark.slow

@@ -139,7 +139,7 @@ def run(document: Document) -> Shown:
 
 
 def film(document: Document) -> Shown:
-    """What is seen in a film, what it cost, and the verdicts of its motions."""
+    """What is seen in a film, what it cost, the materials, and the verdicts of its motions."""
     from rich.text import Text
 
     made = document["film"]
@@ -151,6 +151,7 @@ def film(document: Document) -> Shown:
     for case in document["cases"]:
         if len(document["cases"]) > 1:
             yield Text(f"\n{case['text']!r}", style="bold")
+        yield table(case["parts"], PARTS)
         yield from _verdicts(case)
 
 

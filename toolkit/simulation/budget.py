@@ -21,6 +21,7 @@ from ...fem.elements.assembly import apply_supports, discretise, linear_stiffnes
 from ...fem.elements.space import affordable_order
 from ...fem.errors import UsageError
 from ...fem.linalg.cholesky import NotPositive, cached_factor, planned_elimination
+from ...fem.linalg.solver import MOST_ENTRIES
 from ...fem.material import wave_speed
 from ...fem.mesh import TetMesh, boundary_faces, face_components, material_of
 from ...fem.mpm.boundaries import CLEAR, flight_time, grid_around
@@ -180,6 +181,8 @@ def factor_seconds(scene: Scene) -> float:
         matrix = linear_stiffness(grid, material_of(scene.mesh))
         apply_supports(matrix, held.fixed, held.springs)
         plan = planned_elimination(matrix, grid.space.edges)
+        if plan.entries > MOST_ENTRIES:
+            raise UsageError("budget.too_fine", tets=len(scene.mesh.tets))
         began = time.process_time()
         with suppress(NotPositive):  # a hinge: modes tell
             cached_factor(matrix, plan)
