@@ -93,6 +93,9 @@ def holds_shape(result: SagResult) -> Check:
     ratio, factor, also = result.sag_ratio, result.load_factor, ""
     if factor is not None and factor.value < STANDS:
         also += Note("checks.and_buckles", factor=factor.value)
+    if not (result.trusted or also or ratio > HOLDS):
+        said = Note("checks.shape_unknown", moved=percent(ratio), limit=HOLDS)
+        return Check("holds shape", "not made", said, ratio, HOLDS)
     if not result.trusted:
         also += Note("checks.rest_unknown")
     passed = ratio <= HOLDS and not also
