@@ -371,13 +371,13 @@ def with_relations(
         [r for r in said if r.exact or r.other or not named[i]] for i, said in enumerate(relations)
     ]
 
-    def beside(i: int, relation: Comparison) -> list[int]:
+    def compared(i: int, relation: Comparison) -> list[int]:
         """Parts that one is beside; itself in "web 6061-T6, 10 % stiffer": than its matter is."""
         found = called(relation.other) if relation.other else range(len(out))
         own = relation.exact and named[i] and (not relation.other or [*found] == [i])
         return [i] if own else [k for k in found if k != i]
 
-    others = [[beside(i, r) for r in comparisons] for i, comparisons in enumerate(relations)]
+    others = [[compared(i, r) for r in comparisons] for i, comparisons in enumerate(relations)]
     waiting = {i: None for i, said in enumerate(relations) if said}  # in order
     while waiting:
         ready = [i for i in waiting if not any({*waiting} & {*ks} - {i} for ks in others[i])]
