@@ -55,7 +55,7 @@ class FilmResult:
     def document(self) -> dict[str, Any]:
         """Return what ``film --json`` prints."""
         files = [str(file) for file in self.film.files]
-        warnings = dict.fromkeys(line for case in self.cases for line in case["warnings"])
+        warnings = dict.fromkeys(line for case in self.cases for line in case.get("warnings", ()))
         return {
             **asdict(self), "film": {**self.film._asdict(), "files": files}, "files": files,
             "warnings": [*warnings],

@@ -374,7 +374,8 @@ def with_relations(
     def compared(i: int, relation: Comparison) -> list[int]:
         """Parts that one is beside; itself in "web 6061-T6, 10 % stiffer": than its matter is."""
         found = called(relation.other) if relation.other else range(len(out))
-        own = relation.exact and named[i] and (not relation.other or [*found] == [i])
+        own = relation.exact and named[i] and 0.5 < relation.factor < 2  # no multiple of another
+        own = own and (not relation.other or [*found] == [i])
         return [i] if own else [k for k in found if k != i]
 
     others = [[compared(i, r) for r in comparisons] for i, comparisons in enumerate(relations)]

@@ -300,6 +300,9 @@ def bind(sentence: Sentence, labels: Sequence[Sequence[str]]) -> Bound:
 
 
 CORRECTION = re.compile(words()["hedges"]["correction"])
+_REVISION = re.compile(r"(?i)\brev(?:ision|isión)?\.? ?([A-Z0-9]{1,2})(?=[ \d./()-]{0,14}:)")
+_ALL = re.compile(r"(?i)(?:all|everything|the whole|alles|tout|toutes|todo|todas)\b")
+_NOT_ALL = re.compile(r"(?i)\b(?:not (?:all|every)|nicht alle|pas tou|no tod)")
 
 
 def corrected(text: str, read: Callable[[str], Bound]) -> Bound:
@@ -308,8 +311,15 @@ def corrected(text: str, read: Callable[[str], Bound]) -> Bound:
     A part that the correction names with its matter has no other: "seat alu. Edit: seat is oak".
     """
     found = next((m for m in CORRECTION.finditer(text) if text[: m.start()].strip()), None)
-    if found is None:
+    marks = [m.upper() for m in _REVISION.findall(text)]
+    if found is None or marks != sorted(marks):  # of a list that begins with the latest
         return read(text)
+
+    def says_all(clause: Clause) -> bool:
+        """Whether a clause is of all parts: "all brass", "everything is steel"."""
+        of_all = clause.subject.scope == "whole" or _ALL.match(clause.text)
+        return bool(of_all and not _NOT_ALL.search(text))
+
     first, second = read(text[: found.start()]), corrected(text[found.end() :], read)
     start = len(first.sentence.text) + 1
     later = [
@@ -319,13 +329,14 @@ def corrected(text: str, read: Callable[[str], Bound]) -> Bound:
     for old, new in zip(first.parts, second.parts, strict=True):
         own = [
             later[k] for k, how in zip(new.clauses, new.how, strict=True)
-            if how not in GENERAL or later[k].subject.scope == "whole"  # "all parts are steel"
+            if how not in GENERAL or says_all(later[k])
         ]  # fmt: skip
         unsure = any(
             getattr(d, "kind", "").startswith("tagger.") for clause in own for d in clause.doubts
         )
-        said = any(c.material or c.kind or c.unknown or c.comparisons for c in own)
-        anew = (said or any(c.numbers for c in own)) and not (unsure and old.clauses)
+        said = any(c.material or c.kind or c.unknown for c in own)
+        more = any(c.numbers or c.comparisons for c in own)
+        anew = (said or more) and not (unsure and old.clauses)
         moved = tuple(k + len(first.sentence.clauses) for k in new.clauses)
         kept = BoundPart() if said else old  # "Edit: seat density 700 kg/m3" leaves it oak
         parts.append(BoundPart(moved + kept.clauses, new.how + kept.how) if anew else old)

@@ -348,11 +348,17 @@ def spelt_out(lexemes: list[Lexeme], names: Sequence[str]) -> list[Lexeme]:
 def one_of(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
     """Leave of materials between which the text does not decide the first, and tell it."""
     out: list[Lexeme] = []
-    for lexeme in lexemes:
+    for lexeme, after in zip(lexemes, [*lexemes[1:], None], strict=False):
         either = [x.text.lower() for x in out[-1:]] in (["or"], ["and/or"])
-        before = [x for x in out[:-1] if x.role not in ("open", "comma") and not x.part]
-        first = before[-1] if either and before else None  # "ash legs (or oak)", "oak, or 9 GPa"
-        other = lexeme.role == "material" or getattr(lexeme.value, "measure", "") in ("E", "rho")
+        # "oak, or 9 GPa;", but no number of a matter behind it, and none of another part
+        number = getattr(lexeme.value, "measure", "") in ("E", "rho")
+        number = number and (after is None or after.role in ("stop", "comma", "close"))
+        before = [
+            x for x in out[:-1]
+            if x.role not in ("open", "comma") and (number or not x.part)  # "ash legs (or oak)"
+        ]  # fmt: skip
+        first = before[-1] if either and before else None
+        other = lexeme.role == "material" or number
         if first and first.role == "material" and other and first.value is not lexeme.value:
             note = Note("lexing.one_of", first=first.text, second=lexeme.text)
             out[out.index(first)] = replace(first, note=note)

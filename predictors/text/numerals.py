@@ -98,7 +98,7 @@ _NUMBER = (
     rf"|{_DIGITS}(?:\s?[x×*·]\s?(?:{_POWER}|10\s?-?\d+)|[eE][-+−]?\d+)?)"
 )
 _SPREAD = (
-    r"(?:\s?(?:-|–|to|\.\.+|…|bis|(?(between)and|(?!)))\s?(?P<high>{n})"
+    r"(?:\s?(?:-|–|to|\.\.+|(?<=\d)…(?=\d)|bis|(?(between)and|(?!)))\s?(?P<high>{n})"
     r"|\s?(?:±|\+/-)\s?[\d.,]+\s?%?|\s?(?:and|or|/)\s(?P<also>{n})(?=\s?-?{unit}))?"
 )
 _BOUND = DATA["units"]["bound"]

@@ -501,6 +501,10 @@ ASIDE = 0.9  # certainty of the tagger that words are no matter of any part
 LIKELY = 0.75  # chance of a reading from which what is said of all is one part's, if heard for it
 _BESIDE = {"reader.beside_idle", "reader.beside_left"}  # words that say nothing of a matter
 _SAME = re.compile(lists()["hedges"]["same"])
+_TWEAK, _THAN = (
+    re.compile(r"(?i)%|per ?cent|prozent|por ?cien|pour ?cent"),
+    re.compile(r"(?i)(?<!\w)(?:than|as|of|like|als|wie|que|de|del|du)(?!\w)"),
+)
 _DECIDING = ("matter", "number", "relation", "content")
 
 
@@ -1033,8 +1037,9 @@ def _beside(
         return None
     at = next(start for role, start, _ in every[i].words if role == "relation")
     context = re.split(r"[.;,\n](?=\s|$)", text[:at])[-1]
-    ends = [  # the own matter is nearest in "web 6061-T6, but 10 % stiffer"
-        (w.end, j == i, j) for j, said in enumerate(every)
+    alone = _TWEAK.search(told) and not _THAN.search(told)  # "web 6061-T6, but 10 % stiffer"
+    ends = [
+        (w.end, j == i, j) for j, said in enumerate(every) if j != i or alone
         for w in said.words if w.role in ("matter", "number") and w.end <= at
     ]  # fmt: skip
     only = 1 - i if len(labels) == 2 else None

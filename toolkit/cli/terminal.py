@@ -151,7 +151,7 @@ def film(document: Document) -> Shown:
     for case in document["cases"]:
         if len(document["cases"]) > 1:
             yield Text(f"\n{case['text']!r}", style="bold")
-        yield table(case["parts"], PARTS)
+        yield table(case.get("parts", []), PARTS)
         yield from _verdicts(case)
 
 

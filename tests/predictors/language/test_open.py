@@ -110,6 +110,32 @@ def test_a_correction_of_all_parts_leaves_nothing_of_before(said):
     assert {clause.material for clause in bound.sentence.clauses} == {"carbon steel"}
 
 
+@pytest.mark.parametrize(
+    "mark", ["Rev B:", "Revision 2:", "ECN 12:", "Change note:", "Rev B (2024):"]
+)
+def test_a_revision_is_a_correction_and_what_only_compares_leaves_the_matter(mark):
+    bound = heard(
+        f"base steel; lids oak. {mark} lids now brass (was oak)", "base", "lid_1", "lid_2"
+    )
+    assert rows_of(bound) == [{"carbon steel"}, {"brass"}, {"brass"}]
+    bound = heard(f"base steel; lid oak. {mark} lid 10 % lighter", "base", "lid")
+    assert rows_of(bound) == [{"carbon steel"}, {TABLE.exact("oak").name}]
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "Rev C: base brass\nRev B: lid brass\nRev A: base steel, lid oak",  # the latest first
+        "base brass, lid oak. Eco: base bamboo, lid oak",
+        "base brass, lid oak. Edit: not everything is steel",
+    ],
+)
+def test_what_is_no_correction_is_none(text):
+    rows = rows_of(heard(text, "base", "lid"))
+    assert "brass" in rows[0]
+    assert TABLE.exact("oak").name in rows[1]
+
+
 def test_of_several_corrections_the_last_holds():
     bound = heard("cap brass, pin oak. Edit: cap cork. Edit: the cap is copper", "cap", "pin")
     assert rows_of(bound) == [{"copper"}, {TABLE.exact("oak").name}]

@@ -49,7 +49,7 @@ def test_a_number_is_read_in_every_notation(clauses_of):
             elastic modulus 2 000 MPa | E = 2·10⁹ Pa | tensile modulus: 2x10^3 MPa | Ex = 2 GPa |
             flexural modulus 290.0754754 ksi | 2 GPa modulus | stiffness approx. 2 Gpa | E=2E9 |
             E = 20394.32425 kgf/cm2 | modulus two gigapascals | modulus (ISO 527) 2000 MPa |
-            E = 2*10^9 Pa | between 1 and 4 GPa | 1...4 GPa | 1 ... 4 GPa | 1..4 GPa | 1 … 4 GPa |
+            E = 2*10^9 Pa | between 1 and 4 GPa | 1...4 GPa | 1..4 GPa | 1…4 GPa |
             2 thousand MPa | 2 billion Pa |
             0.29007547540 million psi | modulus of 2,000 million pascals |
             MOE 2 GPa | E [GPa] = 2 | modulus (MPa): 2000 | Elastizitätsmodul 2 GPa |
