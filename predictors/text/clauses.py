@@ -302,7 +302,7 @@ def bind(sentence: Sentence, labels: Sequence[Sequence[str]]) -> Bound:
 CORRECTION = re.compile(words()["hedges"]["correction"])
 _REVISION = re.compile(r"(?i)\brev(?:ision|isión)?\.? ?([A-Z0-9]{1,2})(?=[ \d./()-]{0,14}:)")
 _ALL = re.compile(r"(?i)(?:all|everything|the whole|alles|tout|toutes|todo|todas)\b")
-_NOT_ALL = re.compile(r"(?i)\b(?:not (?:all|every)|nicht alle|pas tou|no tod)")
+_NOT_ALL = re.compile(r"(?i)\b(?:not (?:all|every)|nicht all|pas tou|no tod)")
 
 
 def corrected(text: str, read: Callable[[str], Bound]) -> Bound:
