@@ -67,7 +67,7 @@ def test_numpy_reads_what_torch_trains(tmp_path):
     import torch
     from autophyx_tet.research.training.phrases.recipe import train_phrases
 
-    learned = train_phrases(steps=100, batch=32, output=tmp_path / "phrases.safetensors")
+    learned = train_phrases(steps=200, batch=64, output=tmp_path / "phrases.safetensors")
     assert learned.history[-1]["loss"] < 0.8 * np.log(len(learned.rows))  # of chance
     network = PhraseNetwork(tmp_path / "phrases.safetensors")
     places, senses = [features(phrase) for phrase in NEW], MiniLM().text([*NEW])
