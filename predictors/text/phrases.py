@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from functools import lru_cache
 from itertools import pairwise
 from pathlib import Path
@@ -21,6 +21,7 @@ from zlib import crc32
 import numpy as np
 from jaxtyping import Float
 
+from ...fem.table import Material
 from ..encoders.minilm import MiniLM
 from ..packed import STEP, unpacked
 
@@ -50,6 +51,12 @@ def _runs(phrase: str) -> Iterator[str]:
     yield from (f"p{a} {b}" for a, b in pairwise(words))
     shape = re.sub(r"[a-z]", "a", re.sub(r"[A-Z]", "A", re.sub(r"\d", "0", phrase)))
     yield f"s{shape[:SHAPE]}"
+
+
+def values_of(rows: Iterable[Material]) -> Float[np.ndarray, "rows 2"]:
+    """Middles of ln E and ln rho of rows of the table."""
+    pairs = [[np.log(x.min * x.max) / 2 for x in (row.E, row.rho)] for row in rows]
+    return np.array(pairs, np.float32)
 
 
 class Meant(NamedTuple):

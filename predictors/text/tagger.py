@@ -30,7 +30,7 @@ from .clauses import GENERAL, Bound, BoundPart, Clause, Gloss, Place, Subject, o
 from .english import words as lists
 from .materials import lexicon_of
 from .parts import part_words, places
-from .phrases import Meant, load_phrases
+from .phrases import Meant, load_phrases, values_of
 from .reader import parse
 from .relations import BY_FACTOR, LEFT_OPEN, Relation, left_open, relation_of
 
@@ -757,9 +757,7 @@ def _compared(
         """How surely the phrase network takes the words for a matter like this reader's."""
         if not (phrase and rows.get(reader)):
             return 0.0
-        spans = [(row.E, row.rho) for row in map(table.exact, sorted(rows[reader]))]
-        values = [[math.log(x.min * x.max) / 2 for x in pair] for pair in spans]
-        return _logit(load_phrases().share(phrase, np.array(values)))
+        return _logit(load_phrases().share(phrase, values_of(map(table.exact, rows[reader]))))
 
     how, spans = bound.parts[i].how, [(s, e) for r, s, e in said.words if r in _DECIDING]
     held = [bound.sentence.clauses[k].span for k in bound.named.difference(bound.parts[i].clauses)]

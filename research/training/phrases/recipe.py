@@ -30,7 +30,7 @@ from torch.nn import functional
 from ....fem.table import MaterialTable, load_table
 from ....predictors.packed import packed
 from ....predictors.text.english import DATA as TEXT
-from ....predictors.text.phrases import BUCKETS, SENSE, features
+from ....predictors.text.phrases import BUCKETS, SENSE, features, values_of
 from ...on_device import minilm
 from ..tagger.generator import LANGUAGES
 from ..tagger.templates import load_templates
@@ -224,12 +224,6 @@ def targets(table: MaterialTable) -> Tensor:
     wanted = np.eye(len(values) + 1)
     wanted[:-1, :-1] = OWN * wanted[:-1, :-1] + (1 - OWN) * alike
     return torch.tensor(wanted, dtype=torch.float32)
-
-
-def values_of(table: MaterialTable) -> np.ndarray:
-    """Middles of ln E and ln rho of the rows, (rows, 2)."""
-    pairs = [[np.log(x.min * x.max) / 2 for x in (row.E, row.rho)] for row in table]
-    return np.array(pairs, np.float32)
 
 
 @dataclass(frozen=True)
