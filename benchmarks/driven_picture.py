@@ -63,7 +63,7 @@ def main() -> None:
     from autophyx_tet.fem.material import ElementMaterial
     from autophyx_tet.toolkit.asset.bonsai import write_bonsai
     from autophyx_tet.toolkit.asset.load import load_asset
-    from autophyx_tet.toolkit.pipeline import simulate
+    from autophyx_tet.toolkit.simulation.simulate import simulate
     from PIL import Image
 
     mesh = read_mesh(demo_mesh(options.cache))

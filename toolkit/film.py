@@ -25,10 +25,10 @@ from .asset.document import check_folder
 from .asset.load import load_asset
 from .driving import Actor, FilmRecord, record
 from .options import EXPECTED, AssignOptions, ConvertOptions, SimulateOptions
-from .pipeline import assign, convert, simulate
+from .pipeline import assign, convert
 from .simulation.budget import MOST_TETS, check_budget, driver_edge, picture_seconds
 from .simulation.scenario import film_plan, frames_told
-from .simulation.simulate import actor_of
+from .simulation.simulate import actor_of, simulate
 from .verdict.check import Check
 from .verdict.checks import CRUMBS, percent
 

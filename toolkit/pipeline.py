@@ -1,4 +1,4 @@
-"""The verbs: convert, assign, simulate, run; the CLI and Python users call the same ones."""
+"""The verbs convert, assign and run, which the command line and Python users call."""
 
 from __future__ import annotations
 
@@ -15,7 +15,6 @@ import numpy as np
 
 from ..converters import npz
 from ..converters.files import alone
-from ..fem.device import single_threaded
 from ..fem.errors import InputError
 from ..fem.mesh import TetMesh
 from ..fem.note import Note, severity_of
@@ -43,7 +42,6 @@ from .options import (
     region_texts,
     with_given,
 )
-from .simulation.simulate import simulate, takes_particles
 from .verdict.assignment import Assignment
 from .verdict.run import Conversion, RunCase, RunResult, Stopwatch, dialled
 
@@ -271,7 +269,6 @@ def assign(
     return _written(result, output, field_output)
 
 
-@single_threaded
 def _read(
     text: str, mesh: TetMesh, sidecar: Sidecar, options: AssignOptions
 ) -> tuple[Bound, MaterialTable]:
@@ -365,6 +362,7 @@ def run(
     """
     from .report.pages import write_folder
     from .report.picture import SUFFIXES, write_picture
+    from .simulation.simulate import simulate, takes_particles
     from .walls import with_named_walls
 
     output, picture = path_of(output), path_of(picture)

@@ -182,6 +182,8 @@ def glossed(
     for k, size in ((k, size) for k in range(len(stems)) for size in range(2, LONGEST)):
         if tuple(stems[k : k + size]) in lexicon.rows:  # "gutta-percha", "acetal homopolymer"
             english |= {*starts[k : k + size]} & {i for i, _ in words}
+    if not language and all(i in english for i, _ in words):
+        return None
     names = {bare(word): word for word in known}
     names |= {_DIGRAPH.sub("", name): word for name, word in names.items()}  # "gehaeuse"
     best, most = None, 0

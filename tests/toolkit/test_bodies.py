@@ -12,8 +12,8 @@ from autophyx_tet.fem.mesh import box_mesh
 from autophyx_tet.fem.solve.self_contact import ipc_toolkit
 from autophyx_tet.toolkit.cli.main import main
 from autophyx_tet.toolkit.options import SimulateOptions
-from autophyx_tet.toolkit.pipeline import simulate
 from autophyx_tet.toolkit.simulation.scenario import changed_options, conditions_of_options
+from autophyx_tet.toolkit.simulation.simulate import simulate
 from autophyx_tet.toolkit.verdict.checks import contact_forces
 from autophyx_tet.toolkit.verdict.description import marks
 

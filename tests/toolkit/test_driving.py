@@ -12,7 +12,7 @@ from autophyx_tet.fem.errors import InputError, UsageError
 from autophyx_tet.fem.solve.result import Breakage, ParticleRun
 from autophyx_tet.toolkit.cli.main import main
 from autophyx_tet.toolkit.driving import Actor, drive, transfer_motion
-from autophyx_tet.toolkit.pipeline import simulate
+from autophyx_tet.toolkit.simulation.simulate import simulate
 
 from ..converters.test_driving import splats
 from ..fem.bodies import hammer

@@ -22,9 +22,9 @@ from autophyx_tet.toolkit import driving
 from autophyx_tet.toolkit.cli.main import main
 from autophyx_tet.toolkit.film import film
 from autophyx_tet.toolkit.options import SimulateOptions
-from autophyx_tet.toolkit.pipeline import simulate
 from autophyx_tet.toolkit.simulation import budget
 from autophyx_tet.toolkit.simulation.budget import MOST_PARTICLES, WITHIN, coarsened, paced, planned
+from autophyx_tet.toolkit.simulation.simulate import simulate
 from PIL import Image
 
 SOFT = {"E": 2e5, "nu": 0.3, "rho": 300.0}

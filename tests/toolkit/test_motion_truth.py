@@ -10,7 +10,7 @@ from autophyx_tet.fem.mesh import box_mesh
 from autophyx_tet.fem.scene.obstacles import Sphere
 from autophyx_tet.fem.scene.supports import Supports
 from autophyx_tet.fem.solve.dynamics import Dynamics
-from autophyx_tet.toolkit.pipeline import simulate
+from autophyx_tet.toolkit.simulation.simulate import simulate
 
 from ..fem.bodies import ball
 

@@ -27,8 +27,9 @@ from autophyx_tet.toolkit.meshing import convert as conversion
 from autophyx_tet.toolkit.meshing.ftetwild import NoFilling
 from autophyx_tet.toolkit.meshing.stuffing.mesher import filled
 from autophyx_tet.toolkit.options import SimulateOptions
-from autophyx_tet.toolkit.pipeline import assign, convert, simulate
+from autophyx_tet.toolkit.pipeline import assign, convert
 from autophyx_tet.toolkit.simulation.scenario import flowing_substances, particle_method, substances
+from autophyx_tet.toolkit.simulation.simulate import simulate
 from PIL import Image
 
 from ..converters.test_driving import splats

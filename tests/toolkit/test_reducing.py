@@ -18,9 +18,9 @@ from autophyx_tet.fem.mesh import box_mesh
 from autophyx_tet.fem.solve.schemes import Scheme
 from autophyx_tet.toolkit.cli.commands import MatchCommand, ReduceCommand
 from autophyx_tet.toolkit.cli.main import main
-from autophyx_tet.toolkit.pipeline import simulate
 from autophyx_tet.toolkit.simulation.reducing import match, reduce
 from autophyx_tet.toolkit.simulation.scenario import moduli_between
+from autophyx_tet.toolkit.simulation.simulate import simulate
 
 from .command import run_here
 

@@ -10,10 +10,10 @@ from autophyx_tet.fem.reduced.elasticity import ReducedElasticity
 from autophyx_tet.fem.scene.scene import Scene
 from autophyx_tet.fem.solve.schemes import Kinematics, Scheme, Step
 from autophyx_tet.toolkit.asset.document import Sidecar
-from autophyx_tet.toolkit.pipeline import simulate
 from autophyx_tet.toolkit.report import pages
 from autophyx_tet.toolkit.report.html import Case, ReportContent, write_report
 from autophyx_tet.toolkit.report.pages import FINGER, shown, simulation_page, touch_of
+from autophyx_tet.toolkit.simulation.simulate import simulate
 
 from .browser import Visit
 

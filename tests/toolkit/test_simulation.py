@@ -15,8 +15,8 @@ from autophyx_tet.fem.mesh import box_mesh
 from autophyx_tet.fem.solve.result import Motion, MotionResult
 from autophyx_tet.toolkit.asset.document import Sidecar
 from autophyx_tet.toolkit.options import SimulateOptions
-from autophyx_tet.toolkit.pipeline import simulate
 from autophyx_tet.toolkit.simulation import scenario
+from autophyx_tet.toolkit.simulation.simulate import simulate
 from autophyx_tet.toolkit.verdict.simulation import (
     ModalSimulation,
     MotionSimulation,

@@ -13,8 +13,8 @@ from autophyx_tet.fem.material import ElementMaterial
 from autophyx_tet.fem.mesh import box_mesh
 from autophyx_tet.toolkit.cli.main import main
 from autophyx_tet.toolkit.options import SimulateOptions
-from autophyx_tet.toolkit.pipeline import simulate
 from autophyx_tet.toolkit.simulation.reducing import match
+from autophyx_tet.toolkit.simulation.simulate import simulate
 
 
 @pytest.fixture(scope="module")

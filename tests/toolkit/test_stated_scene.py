@@ -7,7 +7,7 @@ import pytest
 from autophyx_tet.converters.mesh.meshdata import write_mesh
 from autophyx_tet.fem.errors import UsageError
 from autophyx_tet.toolkit.cli.main import main
-from autophyx_tet.toolkit.pipeline import simulate
+from autophyx_tet.toolkit.simulation.simulate import simulate
 
 from ..fem.bodies import hammer
 

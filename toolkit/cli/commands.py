@@ -140,7 +140,7 @@ class SimulateCommand:
 
     def __call__(self) -> dict[str, Any]:
         """Run the command and return its document."""
-        from ..pipeline import simulate
+        from ..simulation.simulate import simulate
 
         with terminal.progress(quiet=self.common.quiet) as tell:
             return simulate(**given(self), progress=tell).document()

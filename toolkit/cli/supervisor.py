@@ -63,6 +63,8 @@ def _command(parent: int, folder: str, watched: set[signal.Signals]) -> NoReturn
             os.environ["TMPDIR"] = tempfile.tempdir = folder
             os.environ[UNFINISHED_LIST] = os.path.join(folder, LIST)
         gc.set_threshold(GARBAGE)
+        # Matrices of numpy are small here: a second thread only waits for them, in a busy loop
+        os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
         from .main import main as command
 
         code = command()
