@@ -311,7 +311,7 @@ def corrected(text: str, read: Callable[[str], Bound]) -> Bound:
     A part that the correction names with its matter has no other: "seat alu. Edit: seat is oak".
     """
     found = next((m for m in CORRECTION.finditer(text) if text[: m.start()].strip()), None)
-    marks = [m.upper() for m in _REVISION.findall(text)]
+    marks = [m.upper().rjust(2) for m in _REVISION.findall(text)]
     if found is None or marks != sorted(marks):  # of a list that begins with the latest
         return read(text)
 

@@ -311,3 +311,13 @@ def test_alloy_behind_a_grade_says_no_more(agree):
         body cast alloy, lid alloy => body, lid: aluminium alloy
         rim_1 alloy, rim_2 steel => rim_1: aluminium alloy; rim_2: carbon steel
     """)
+
+
+def test_bolts_have_the_strength_of_their_class(agree):
+    agree("""
+        bolt: M8 class 8.8, plate: S355 => bolt: 8.8 steel; plate: s355
+        bolt 10.9, plate 16MnCr5 => bolt: 10.9 steel; plate: alloy steel
+        M12x40 ISO 4762 12.9 bolts, plate S235 => bolt: 12.9 steel; plate: s235
+        bolt 8.8 verzinkt, plate S235 => bolt: 8.8 steel; plate: s235
+        bolt class 4.8, stud 5.6 => bolt, stud: carbon steel
+    """)

@@ -111,7 +111,7 @@ def test_a_correction_of_all_parts_leaves_nothing_of_before(said):
 
 
 @pytest.mark.parametrize(
-    "mark", ["Rev B:", "Revision 2:", "ECN 12:", "Change note:", "Rev B (2024):"]
+    "mark", ["Rev B:", "Revision 2:", "ECN 12:", "Change note:", "Change:", "Rev B (2024):"]
 )
 def test_a_revision_is_a_correction_and_what_only_compares_leaves_the_matter(mark):
     bound = heard(
@@ -138,6 +138,11 @@ def test_what_is_no_correction_is_none(text):
 
 def test_of_several_corrections_the_last_holds():
     bound = heard("cap brass, pin oak. Edit: cap cork. Edit: the cap is copper", "cap", "pin")
+    assert rows_of(bound) == [{"copper"}, {TABLE.exact("oak").name}]
+
+
+def test_revisions_rise_by_number():
+    bound = heard("cap brass, pin oak. Rev 9: cap cork. Rev 10: cap copper", "cap", "pin")
     assert rows_of(bound) == [{"copper"}, {TABLE.exact("oak").name}]
 
 
