@@ -38,7 +38,7 @@ def _write(path: Path, mesh: TetMesh, bins: Bins, options: SceneOptions) -> list
         file.write(f"*NSET, NSET=POINTS, GENERATE\n1, {space.points}, 1\n")
         file.writelines(_elements(mesh, space, bins))
         file.writelines(_springs(supports, first=len(mesh.tets) + 1))
-        file.writelines(_materials(bins))
+        file.writelines(_materials(mesh, bins))
         file.writelines(_step(supports, options.gravity, options.up))
     return [path]
 
@@ -74,14 +74,16 @@ def _elements(mesh: TetMesh, space: Space, bins: Bins) -> Iterator[str]:
     yield from _list([f"BIN{i + 1}" for i in range(len(bins))])
     for region, name in enumerate(mesh.region_names):
         if (members := np.flatnonzero(mesh.region == region) + 1).size:
-            yield f"** region {region + 1}: {name.encode('ascii', 'replace').decode()!r}\n"
+            yield f"** region {region + 1}: {_plain(name)}\n"
             yield f"*ELSET, ELSET=REGION{region + 1}\n"
             yield from _list(members.tolist())
 
 
-def _materials(bins: Bins) -> Iterator[str]:
+def _materials(mesh: TetMesh, bins: Bins) -> Iterator[str]:
     rows = zip(bins.E.tolist(), bins.nu.tolist(), bins.rho.tolist(), strict=True)
     for i, (E, nu, rho) in enumerate(rows, 1):
+        regions = np.unique(mesh.region[bins.label == i - 1]).tolist()
+        yield f"** material {i}: {', '.join(_plain(mesh.region_names[r]) for r in regions)}\n"
         yield f"*MATERIAL, NAME=MAT{i}\n"
         wooden = bins.grain is not None and bins.grain.axes[i - 1].any()
         if bins.grain is not None and wooden:
@@ -126,6 +128,10 @@ def _step(supports: Supports, gravity: float, up: UpAxis) -> Iterator[str]:
             yield f"{node}, {component + 1}, {component + 1}, {_number(value)}\n"
     yield f"*DLOAD\nEALL, GRAV, {_number(gravity)}, {down[0]}., {down[1]}., {down[2]}.\n"
     yield "*NODE FILE\nU, RF\n*EL FILE\nS\n*NODE PRINT, NSET=POINTS\nU\n*END STEP\n"
+
+
+def _plain(name: str) -> str:
+    return repr(name.encode("ascii", "replace").decode())
 
 
 def _number(value: float) -> str:

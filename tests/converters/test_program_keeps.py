@@ -1,6 +1,7 @@
 """What an export says it keeps is in its files; what is given beside it, it names as lost."""
 
 import re
+from dataclasses import replace
 from xml.etree import ElementTree
 
 import numpy as np
@@ -236,6 +237,17 @@ def test_springs_and_quadratic_elements_are_in_the_deck(tmp_path):
     for name, form in CASES:
         lost = exported(name, form, tmp_path, mesh, order=2).lost
         assert (Keeps.QUADRATIC in lost) == (Keeps.QUADRATIC not in form.keeps), name
+
+
+def test_a_deck_says_of_which_regions_its_materials_are(tmp_path):
+    region = np.arange(N) % 2
+    mesh = replace(BOX, region=region.astype(np.int32), region_names=("lid", "gehäuse"))
+    mesh = mesh.with_material(
+        ElementMaterial(10.0 ** (9 + region), 0.3 + 0 * region, 1e3 + 0.0 * region)
+    )
+    (deck,) = export_mesh(mesh, "calculix", tmp_path / "deck").files
+    said = re.findall(r"\*\* material \d: (.*)\n\*MATERIAL.*\n\*ELASTIC\n(\S+),", deck.read_text())
+    assert {name: float(E) for name, E in said} == {"'lid'": 1e9, "'geh?use'": 1e10}
 
 
 def test_usd_binds_a_material_to_the_body_itself(tmp_path):
