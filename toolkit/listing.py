@@ -24,7 +24,7 @@ from ..fem.table import (
     load_table,
 )
 from ..predictors.asset import Asset
-from .asset.document import check_mesh, check_run, mesh_document
+from .asset.document import check_mesh, check_run, mesh_document, read_tets
 from .meshing import PARTICLES, STUFFING, chosen_mesher
 from .options import ConvertOptions, SimulateOptions
 
@@ -111,10 +111,9 @@ def info(file: str | Path) -> dict[str, Any]:
     >>> round(apx.info("box.msh")["volume"], 9)  # m^3
     0.002
     """
-    from ..converters.mesh.meshdata import read_mesh
     from .meshing.quality import quality
 
-    mesh = read_mesh(file)
+    mesh = read_tets(Path(file))
     document = mesh_document(mesh)
     if mesh.material is not None:
         for number, row in enumerate(document["regions"]):

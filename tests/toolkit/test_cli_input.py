@@ -223,3 +223,13 @@ def test_info_tells_size_and_matter(cube_msh, tmp_path, capsys):
     assert "e+11" in told  # of any steel
     assert main(["info", str(tmp_path / "nothere")]) == 3
     assert "no such file" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("verb", ["info", "assign", "simulate"])
+def test_an_asset_where_a_mesh_is_wanted_is_told_what_makes_one(verb, tmp_path, capsys):
+    ball = tmp_path / "ball.stl"
+    trimesh.creation.icosphere().export(ball)
+    rest = {"assign": ["--text", "oak"], "info": []}.get(verb, [])
+    rest += [] if verb == "info" else ["-o", str(tmp_path / "out.vtu")]
+    assert main([verb, str(ball), *rest]) == 3
+    assert "`autophyx-tet convert` makes the mesh" in capsys.readouterr().err

@@ -193,22 +193,27 @@ def load_again(path: str | Path, known: Sidecar | None) -> Asset:
     return replace(again, size_stated=known.source.get("size_stated", False))
 
 
-def read_known(mesh: str | Path | TetMesh, asset: str | Path | Asset | None):
-    """Return the mesh, what is known of its regions, the asset, and what the user should know."""
+def read_tets(path: Path) -> TetMesh:
+    """Read a file that holds a mesh of tets; InputError that says what to do with an asset."""
     from ...converters.mesh.meshdata import read_mesh
     from ...converters.registry import MESH_FORMATS
     from .formats import ASSET_FORMATS
 
+    suffix = path.suffix.lower()
+    if suffix in ASSET_FORMATS and suffix not in MESH_FORMATS:
+        raise InputError(
+            f"{path} is an asset, wanted a mesh of tets: `autophyx-tet run` takes the asset "
+            "and does it all, `autophyx-tet convert` makes the mesh"
+        )
+    return read_mesh(path)
+
+
+def read_known(mesh: str | Path | TetMesh, asset: str | Path | Asset | None):
+    """Return the mesh, what is known of its regions, the asset, and what the user should know."""
     found = None
     if not isinstance(mesh, TetMesh):
         path = Path(mesh)
-        suffix = path.suffix.lower()
-        if suffix in ASSET_FORMATS and suffix not in MESH_FORMATS:
-            raise InputError(
-                f"{path} is an asset, wanted a mesh of tets: `autophyx-tet run` takes the asset "
-                "and does it all, `autophyx-tet convert` makes the mesh"
-            )
-        mesh, found = read_mesh(path), Sidecar.read(path)
+        mesh, found = read_tets(path), Sidecar.read(path)
     if asset is not None:
         asset = asset if isinstance(asset, Asset) else load_again(asset, found)
         found = replace(Sidecar.of_asset(asset), record=found.record if found else {})
