@@ -15,6 +15,7 @@ from ..fem.note import Note
 from ..fem.table import FIELDS, Material, MaterialValue
 from .field import MaterialField, Ranges
 from .grid import PartVoxels
+from .text.parts import parts_called
 
 if TYPE_CHECKING:  # the reader takes a while to load
     from .text.clauses import Clause, Sentence
@@ -198,8 +199,16 @@ class Prediction:
         guesses: dict[tuple[str, str, bool], list[str]] = {}
         looked_up = (c for c in self.choices if not (c.borrowed or c.binding))
         own = {id(choice.clause): choice.clause.text for choice in looked_up if choice.clause}
+        clauses = {
+            id(choice.clause): choice.clause for choice in self.choices if choice.clause
+        }.values()
         for choice in self.choices:
             unsaid = choice.network and choice.binding and choice.binding.clause is None
+            unsaid = unsaid or any(  # "everything is plastic except the legs"
+                choice.binding and choice.binding.clause == clause.text
+                and parts_called(name, [[choice.part]])
+                for clause in clauses for name in clause.subject.exceptions
+            )  # fmt: skip
             foreign = choice.borrowed and id(choice.clause) in own
             # A network may give a part what is said of another by its name.
             foreign |= choice.binding is not None and choice.binding.clause in own.values()

@@ -158,6 +158,7 @@ STRONGEST = 4e9  # Pa: a stress that metals bear at most, music wire; their E is
 SOLID = ("metal", "glass-ceramic")  # a third of their density is a slip rather than cells
 
 ODD = 10.0  # how far beyond the range of a row that is named an E that is said is hardly meant
+ODD_METAL = 1.25  # of a metal, which alloying and heat change little
 
 GRADES = 1.15  # how far beyond the table's range the density of a solid's grade may lie
 
@@ -267,7 +268,8 @@ def with_numbers(
             warnings.append(Note("numbers.part_porous", **odd, e=value.E))
         else:
             warnings.append(Note("numbers.part_density", **odd))
-    if named and "E" in exact and not row.E.min / ODD < exact["E"] < row.E.max * ODD:
+    far = ODD_METAL if row.category == "metal" else ODD
+    if named and "E" in exact and not row.E.min / far < exact["E"] < row.E.max * far:
         odd = {"part": part, "text": said["E"].text, "name": row.name, **row.E._asdict()}
         warnings.append(Note("numbers.part_odd", **odd))
     if exact:

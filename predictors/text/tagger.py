@@ -29,7 +29,7 @@ from ..packed import unpacked
 from .clauses import GENERAL, Bound, BoundPart, Clause, Gloss, Place, Subject, over
 from .english import words as lists
 from .materials import lexicon_of
-from .parts import part_words, places
+from .parts import part_words, parts_called, places
 from .phrases import Meant, load_phrases, values_of
 from .reader import parse
 from .relations import BY_FACTOR, LEFT_OPEN, Relation, left_open, relation_of
@@ -556,6 +556,14 @@ def with_second_opinion(
     if not every:
         every = load_tagger().said(names, text, bound.sentence.gloss)
         every = shared_out(every, bound, without_prefix(names))
+    # "All steel except the legs", of which the tagger hears steel all the same
+    for clause in bound.sentence.clauses:
+        left_out = {i for e in clause.subject.exceptions for i in parts_called(e, labels)}
+        every = [
+            replace(s, words=tuple(w for w in s.words if not over((w.start, w.end), clause.span)))
+            if i in left_out else s
+            for i, s in enumerate(every)
+        ]  # fmt: skip
     for i, said in enumerate(every):
         readings, facts = readings_of(i, bound, every, labels, table)
         chances = {r.reader: judge.chance(r.reader, facts) for r in readings}

@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 
 # A network's own E that leaves the range of the nearest row by more than this is told.
 UNLIKE = 2.0
+# What is said of numbers that the matter does not have which is said of the same part
+AGAINST = {"numbers.part_odd", "numbers.part_density", "numbers.part_mass"}
 FAR_APART = 2.0  # high / low: below it a mass is known well enough to say nothing
 
 
@@ -190,6 +192,11 @@ class Assignment:
                 odd.append((choice.part, Note("checks.unlike_row", part=choice.part, **span)))
         found = [Check("inside band", "failed", said, part=part) for part, said in odd]
         stated = [repr(c.part) for c in self.choices if c.row.category == AS_STATED]
+        against = [line for line in self.warnings if getattr(line, "kind", "") in AGAINST]
+        if against and not found:
+            parts = listed([*dict.fromkeys(line.values["part"] for line in against)])
+            said = Note("checks.unlike_named", parts=parts)
+            found.append(Check("inside band", "doubtful", said, part=parts))
         guesses = self.record.guesses
         if guesses:
             said = Note("checks.guessed_kind", parts=listed(guesses))

@@ -31,6 +31,7 @@ from ...fem.solve.result import (
     energy_balance,
     too_coarse,
 )
+from ...fem.table import load_strengths
 from ...fem.uncertainty import Interval, Likely
 from ..meshing.messages import listed
 from .check import Check, Outcome, si
@@ -320,7 +321,9 @@ def strength_unmade(
     why = Note("checks.no_rest")
     if rests:
         rows = dict.fromkeys(filter(None, (materials.get(part) for part in parts)))
-        why = Note("checks.no_strength", materials=", ".join(rows))
+        unknown = [row for row in rows if row not in load_strengths()]
+        kind = "checks.no_strength" if unknown else "checks.other_stiffness"
+        why = Note(kind, materials=", ".join(unknown or rows))
         why = why if rows else Note("checks.no_names")
     told = {"parts": listed(parts), "give": "give" if len(parts) > 1 else "gives"}
     said = Note("checks.strength_unmade", why=why, **told)

@@ -151,3 +151,13 @@ def test_a_correction_of_no_part_changes_nothing():
     assert rows_of(heard(text, "seat", "leg")) == [
         {TABLE.exact("brass").name}, {TABLE.exact("oak").name},
     ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["everything is plastic except the legs", "all steel apart from the legs",
+     "steel everywhere, except for the legs"],
+)  # fmt: skip
+def test_what_is_excepted_is_not_of_what_it_is_excepted_from(text):
+    bound = heard(text, "Tabletop", "Leg_1", "Leg_2")
+    assert [bool(rows) for rows in rows_of(bound)] == [True, False, False]
