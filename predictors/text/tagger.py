@@ -29,7 +29,7 @@ from ..packed import unpacked
 from .clauses import GENERAL, Bound, BoundPart, Clause, Gloss, Place, Subject, over
 from .english import words as lists
 from .materials import lexicon_of
-from .parts import part_words, parts_called, places
+from .parts import known_parts, part_words, parts_called, places
 from .phrases import Meant, load_phrases, values_of
 from .reader import parse
 from .relations import BY_FACTOR, LEFT_OPEN, Relation, left_open, relation_of
@@ -620,7 +620,12 @@ def with_second_opinion(
             note = Note("tagger.of_another", words=text[slice(*whole)])
             found = [replace(c, doubts=(*c.doubts, note)) for c in found]
         if facts["of_none"] and not facts["grammar"]:
-            note = Note("tagger.of_none", words=text[slice(*whole)], part=names[i])
+            strange = (bound.sentence.clauses[k] for k in bound.unbound)
+            heads = {n[-1] for c in strange if over(c.span, whole) for n in c.subject.names}
+            called = shown_name(names[i]).lower()
+            other = {head for head in heads & known_parts() if head not in called}
+            kind = "tagger.of_other" if other else "tagger.of_none"
+            note = Note(kind, words=text[slice(*whole)], part=names[i])
             found = [replace(c, doubts=(*c.doubts, note)) for c in found]
         opened = _doubts_of(best, readings, text, said, likely=True)
         found = [replace(c, doubts=(*c.doubts, *opened)) for c in found]

@@ -41,3 +41,8 @@ def test_what_is_excepted_is_named_by_nothing():
     assert any("nothing names the material of part 'legs'" in x for x in assign(TABLE, text).doubts)
     with pytest.raises(UsageError, match="legs"):
         assign(TABLE, text, options=AssignOptions(strict=True))
+
+
+def test_what_is_said_of_a_part_that_is_not_there_is_a_doubt_where_another_takes_it():
+    doubts = assign(TABLE, "the seat is leather and the armrests are foam").doubts
+    assert sum("said of what no part is called after" in x for x in doubts) == 2

@@ -192,7 +192,7 @@ class Assignment:
                 odd.append((choice.part, Note("checks.unlike_row", part=choice.part, **span)))
         found = [Check("inside band", "failed", said, part=part) for part, said in odd]
         stated = [repr(c.part) for c in self.choices if c.row.category == AS_STATED]
-        against = [line for line in self.warnings if getattr(line, "kind", "") in AGAINST]
+        against = [x for x in self.warnings if isinstance(x, Note) and x.kind in AGAINST]
         if against and not found:
             parts = listed([*dict.fromkeys(line.values["part"] for line in against)])
             said = Note("checks.unlike_named", parts=parts)
