@@ -624,8 +624,8 @@ def with_second_opinion(
             heads = {n[-1] for c in strange if over(c.span, whole) for n in c.subject.names}
             called = shown_name(names[i]).lower()
             other = {head for head in heads & known_parts() if head not in called}
-            kind = "tagger.of_other" if other else "tagger.of_none"
-            note = Note(kind, words=text[slice(*whole)], part=names[i])
+            told = {"words": text[slice(*whole)], "part": names[i]}
+            note = Note("tagger.of_other", **told) if other else Note("tagger.of_none", **told)
             found = [replace(c, doubts=(*c.doubts, note)) for c in found]
         opened = _doubts_of(best, readings, text, said, likely=True)
         found = [replace(c, doubts=(*c.doubts, *opened)) for c in found]

@@ -362,7 +362,11 @@ def found(simulation: Simulation, parts: Sequence[dict[str, Any]]) -> Iterator[F
     guesses = [part["name"] for part in parts if is_guess(part)]
     ranges = [plain(part["ranges"]["E"]) for part in parts]
     widest = max(E["max"] / E["min"] for E in ranges)
-    factor = f"known to a factor of {widest:.2g} or better" if widest != 1 else "as stated"
+    factor = (
+        f"known to a factor of {widest:.2g} or better"
+        if widest != 1
+        else "one value, of the table or as stated"
+    )
     guessed = f", a guess for {listed(guesses)}" if guesses else ""
     count = f"{len(parts) - len(guesses)} of {len(parts)} from words or names"
     yield "Materials", f"{count}{guessed}; E is {factor}"

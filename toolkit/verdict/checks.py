@@ -322,8 +322,9 @@ def strength_unmade(
     if rests:
         rows = dict.fromkeys(filter(None, (materials.get(part) for part in parts)))
         unknown = [row for row in rows if row not in load_strengths()]
-        kind = "checks.no_strength" if unknown else "checks.other_stiffness"
-        why = Note(kind, materials=", ".join(unknown or rows))
+        why = Note("checks.other_stiffness", materials=", ".join(rows))
+        if unknown:
+            why = Note("checks.no_strength", materials=", ".join(unknown))
         why = why if rows else Note("checks.no_names")
     told = {"parts": listed(parts), "give": "give" if len(parts) > 1 else "gives"}
     said = Note("checks.strength_unmade", why=why, **told)

@@ -135,7 +135,9 @@ def told(text, names):
 
 def test_the_matter_of_what_is_no_part_is_told_of_the_part_that_has_it():
     """And two matters of one part, wherever the first one is said too."""
-    assert told("The gasket is graphite, the body is bronze.", "Body Seat")[1] == {"tagger.of_none"}
+    assert told("The gasket is graphite, the body is bronze.", "Body Seat")[1] == {
+        "tagger.of_other"
+    }
     text = "The lid is oak. The seat is oak. The seat is steel. The legs are pine."
     assert "reader.again" in told(text, "lid seat leg_1")[1]
 
