@@ -15,7 +15,6 @@ from ..fem.note import Note
 from ..fem.table import FIELDS, Material, MaterialValue
 from .field import MaterialField, Ranges
 from .grid import PartVoxels
-from .text.parts import parts_called
 
 if TYPE_CHECKING:  # the reader takes a while to load
     from .text.clauses import Clause, Sentence
@@ -194,6 +193,8 @@ class Prediction:
 
     def doubts(self) -> Iterator[str]:
         """Sentences about what was guessed rather than known."""
+        from .text.parts import parts_called
+
         yield from self.warnings
         # What is taken, and whether it is nu alone -> the parts that have it
         guesses: dict[tuple[str, str, bool], list[str]] = {}

@@ -557,7 +557,7 @@ def with_second_opinion(
         every = load_tagger().said(names, text, bound.sentence.gloss)
         every = shared_out(every, bound, without_prefix(names))
     # "All steel except the legs", of which the tagger hears steel all the same
-    for clause in bound.sentence.clauses:
+    for clause in (c for c in bound.sentence.clauses if c.subject.exceptions):
         left_out = {i for e in clause.subject.exceptions for i in parts_called(e, labels)}
         every = [
             replace(s, words=tuple(w for w in s.words if not over((w.start, w.end), clause.span)))

@@ -322,10 +322,12 @@ def strength_unmade(
     if rests:
         rows = dict.fromkeys(filter(None, (materials.get(part) for part in parts)))
         unknown = [row for row in rows if row not in load_strengths()]
-        why = Note("checks.other_stiffness", materials=", ".join(rows))
-        if unknown:
+        if not rows:
+            why = Note("checks.no_names")
+        elif unknown:
             why = Note("checks.no_strength", materials=", ".join(unknown))
-        why = why if rows else Note("checks.no_names")
+        else:
+            why = Note("checks.other_stiffness", materials=", ".join(rows))
     told = {"parts": listed(parts), "give": "give" if len(parts) > 1 else "gives"}
     said = Note("checks.strength_unmade", why=why, **told)
     return (Check("strength", "not made", said, part=", ".join(parts), why=why),)
